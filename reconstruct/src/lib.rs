@@ -1,0 +1,26 @@
+//! From RGB-D views of a product on a marker board to one measurable 3D model.
+//!
+//! Images and poses in, a model out: no files, no network, no logging, no unsafe code.
+//!
+//! | what | convention |
+//! |---|---|
+//! | units | metres, radians, seconds (nanoseconds as integers), pixels |
+//! | pixel (0, 0) | centre of the top-left pixel |
+//! | camera frame | x right, y down, z forward; depth is +z |
+//! | world frame | the board: origin at its centre, z up, right-handed |
+//! | transforms | `a_from_b`: `p_in_a = a_from_b * p_in_b`; optimiser steps apply on the left |
+//! | bulk arrays | `f32`; poses and normal equations `f64` |
+//! | randomness | every random choice takes a seed; sums run in a fixed order |
+#![warn(missing_docs)]
+
+pub mod board;
+pub mod camera;
+pub mod cloud;
+pub mod image;
+pub mod marker;
+pub mod mesh;
+pub mod model_file;
+pub mod pose;
+pub mod poster;
+pub mod recording;
+pub mod register;

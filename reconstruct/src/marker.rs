@@ -1,0 +1,1 @@
+//! Square markers: codes, detection, pose on the board.

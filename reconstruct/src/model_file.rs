@@ -1,0 +1,1 @@
+//! Model files: ASC, PLY, PCD and GLB, read with limits and written.

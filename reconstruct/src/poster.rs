@@ -1,0 +1,1 @@
+//! The picture for the listing, drawn in software.

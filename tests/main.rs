@@ -1,0 +1,1 @@
+//! Cross-crate and black-box tests: one binary, one module a subject.
