@@ -1,1 +1,5 @@
-//! x
+//! `scan-product`: recordings in, 3D listings out. `pipeline` is the page to read first.
+
+pub mod cli;
+pub mod commands;
+pub mod ui;

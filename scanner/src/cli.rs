@@ -1,0 +1,76 @@
+//! The command line: what can be asked for. Each command has its arguments and its work in `commands/`.
+
+use clap::{Parser, Subcommand};
+
+use crate::commands;
+use crate::ui::Ui;
+
+/// Exit status: done.
+pub const DONE: u8 = 0;
+/// Exit status: the input could be read but gives no good scan.
+pub const NO_GOOD_SCAN: u8 = 1;
+/// Exit status: wrong usage or unreadable input.
+pub const UNUSABLE: u8 = 2;
+/// Exit status: interrupted.
+pub const INTERRUPTED: u8 = 130;
+
+/// Scan a product on a marker board and turn it into a measurable 3D listing.
+#[derive(Debug, Parser)]
+#[command(name = "scan-product", version, about, max_term_width = 100, propagate_version = true, after_help = AFTER_HELP)]
+pub struct Cli {
+    /// Print the result as one JSON object, progress as JSON lines on standard error
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// Say only warnings, errors and the result
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    pub quiet: bool,
+    /// Say more about every stage
+    #[arg(short, long, global = true)]
+    pub verbose: bool,
+    /// What to do
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+const AFTER_HELP: &str = "\
+Start here:
+  scan-product board --paper a3 --out board          print the marker board
+  scan-product simulate --product mug --out rec      a recording without a Kinect
+  scan-product build rec --out out                   the 3D model
+  scan-product upload out --server https://… --title \"Blue mug\"
+
+Exit status: 0 done; 1 the recording gives no good scan (report.json says why);
+2 wrong usage or unreadable input; 130 interrupted.";
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Build the 3D model of a recording
+    Build(commands::build::Args),
+    /// Write a marker board to print
+    Board(commands::board::Args),
+    /// Bring in recordings and models of other programs
+    Import(commands::import::Args),
+    /// Record a product with a simulated Kinect, with the exact truth beside it
+    Simulate(commands::simulate::Args),
+    /// Publish a built model on a product server
+    Upload(commands::upload::Args),
+    /// From a simulated scan to a listing on your own machine
+    Demo(commands::demo::Args),
+    /// Print the completions of a shell
+    Completions(commands::completions::Args),
+}
+
+/// Runs the command; the number is the exit status.
+pub fn run(cli: &Cli) -> anyhow::Result<u8> {
+    let ui = Ui::new(cli.json, cli.quiet, cli.verbose);
+    match &cli.command {
+        Command::Build(args) => commands::build::run(args, &ui),
+        Command::Board(args) => commands::board::run(args, &ui),
+        Command::Import(args) => commands::import::run(args, &ui),
+        Command::Simulate(args) => commands::simulate::run(args, &ui),
+        Command::Upload(args) => commands::upload::run(args, &ui),
+        Command::Demo(args) => commands::demo::run(args, &ui),
+        Command::Completions(args) => commands::completions::run(args),
+    }
+}
