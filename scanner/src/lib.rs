@@ -2,4 +2,7 @@
 
 pub mod cli;
 pub mod commands;
+pub mod output;
+pub mod pictures;
+pub mod recording;
 pub mod ui;
