@@ -13,17 +13,25 @@
 //! | randomness | every random choice takes a seed; sums run in a fixed order |
 #![warn(missing_docs)]
 
+pub mod average;
 pub mod board;
+pub mod calibrate;
 pub mod camera;
 pub mod cloud;
+pub mod consistency;
+pub mod fuse;
 pub mod image;
 pub mod knn;
 pub mod marker;
+pub mod measure;
 pub mod mesh;
 pub mod model_file;
 pub mod normals;
 pub mod pose;
 pub mod poster;
 pub mod recording;
+pub mod refine;
 pub mod register;
+pub mod segment;
+pub mod view;
 pub mod voxel;
