@@ -1,1 +1,3 @@
 //! Cross-crate and black-box tests: one binary, one module a subject.
+
+mod files;
