@@ -1,1 +1,14 @@
-//! Registration of clouds: the stages of the source document and the better choices.
+//! Registration of clouds: the stages of the source document (slides 18–26) and the better choices.
+//!
+//! Voxel grid → normals → key points of large curvature → FPFH → nearest matches → RANSAC of three samples with SVD → ICP.
+//! Every stage can be called alone; transforms are `target_from_source`, lengths metres.
+
+pub mod extrapolate;
+pub mod fpfh;
+pub mod gradient;
+pub mod icp;
+pub mod kernel;
+pub mod keypoints;
+pub mod matching;
+pub mod ransac;
+pub mod svd;
