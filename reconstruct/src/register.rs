@@ -11,4 +11,5 @@ pub mod kernel;
 pub mod keypoints;
 pub mod matching;
 pub mod ransac;
+pub mod source_chain;
 pub mod svd;
