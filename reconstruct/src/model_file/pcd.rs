@@ -1,0 +1,219 @@
+//! PCD (the Point Cloud Library's file): ascii, binary or compressed, metres. Points without a place (NaN, as organised
+//! clouds have them) are left out.
+
+mod header;
+
+use std::fmt::Write as _;
+use std::io::{BufRead, Read, Write};
+
+use header::{Encoding, Field, Header, Number};
+
+use super::lines::{Tokens, number};
+use super::{Limits, ModelError, checked_point, lzf, unit_normals};
+use crate::cloud::PointCloud;
+
+const FORMAT: &str = "PCD";
+const READING: &str = "reading the points";
+
+/// Whether the first lines are a PCD header's.
+pub(super) fn looks_like(start: &[u8]) -> bool {
+    let lines = start.split(|&b| b == b'\n').map(<[u8]>::trim_ascii);
+    let mut said = lines.filter(|line| !line.is_empty()).take(4);
+    said.any(|line| {
+        line.starts_with(b"# .PCD") || line.starts_with(b"FIELDS ") || line.starts_with(b"VERSION .")
+    })
+}
+
+/// Reads points with colours and normals where the file has them.
+pub fn read(reader: impl BufRead, limits: &Limits) -> Result<PointCloud, ModelError> {
+    let (header, reader) = header::read(reader, limits)?;
+    let mut rows = Rows::new(&header)?;
+    match header.encoding {
+        Encoding::Ascii => read_ascii(&header, reader, &mut rows, limits)?,
+        Encoding::Binary => read_binary(&header, reader, &mut rows)?,
+        Encoding::Compressed => read_compressed(&header, reader, &mut rows, limits)?,
+    }
+    rows.finish()
+}
+
+/// What is gathered of the rows.
+struct Rows {
+    /// Field numbers of x, y, z.
+    position: [usize; 3],
+    normal: Option<[usize; 3]>,
+    color: Option<usize>,
+    cloud: PointCloud,
+    row: usize,
+}
+
+impl Rows {
+    fn new(header: &Header) -> Result<Self, ModelError> {
+        let find = |names: [&str; 3]| -> Option<[usize; 3]> {
+            let mut found = [0; 3];
+            for (found, name) in found.iter_mut().zip(names) {
+                *found = header.fields.iter().position(|field| field.name == name)?;
+            }
+            Some(found)
+        };
+        let no_position =
+            || ModelError::Header { format: FORMAT, what: "there are no fields x, y and z".to_owned() };
+        Ok(Self {
+            position: find(["x", "y", "z"]).ok_or_else(no_position)?,
+            normal: find(["normal_x", "normal_y", "normal_z"]),
+            color: header.fields.iter().position(Field::is_packed_color),
+            cloud: PointCloud::default(),
+            row: 0,
+        })
+    }
+
+    /// Takes one row; `value(field)` is the first value of a field, `bits(field)` its four bytes as they are.
+    fn take(&mut self, value: impl Fn(usize) -> f64, bits: impl Fn(usize) -> u32) -> Result<(), ModelError> {
+        self.row += 1;
+        let point = self.position.map(|field| value(field) as f32);
+        if point.iter().any(|v| v.is_nan()) {
+            return Ok(());
+        }
+        self.cloud.points.push(checked_point(point, self.row)?);
+        if let Some(normal) = self.normal {
+            self.cloud.normals.push(normal.map(|field| value(field) as f32));
+        }
+        if let Some(field) = self.color {
+            let [blue, green, red, _] = bits(field).to_le_bytes();
+            self.cloud.colors.push([red, green, blue]);
+        }
+        Ok(())
+    }
+
+    fn finish(mut self) -> Result<PointCloud, ModelError> {
+        if self.cloud.is_empty() {
+            return Err(ModelError::Empty);
+        }
+        self.cloud.normals = unit_normals(self.cloud.normals);
+        Ok(self.cloud)
+    }
+}
+
+fn read_ascii(
+    header: &Header,
+    reader: impl BufRead,
+    rows: &mut Rows,
+    limits: &Limits,
+) -> Result<(), ModelError> {
+    let mut tokens = Tokens::new(reader, limits.max_line_bytes);
+    let mut values = vec![0.0; header.fields.len()];
+    let mut bits = vec![0; header.fields.len()];
+    for _ in 0..header.points {
+        for (i, field) in header.fields.iter().enumerate() {
+            for k in 0..field.count {
+                let (token, line) = tokens.next(READING)?;
+                if k > 0 {
+                    continue;
+                }
+                let value = number(FORMAT, token, line)?;
+                values[i] = value;
+                bits[i] = if field.number == Number::Float {
+                    (value as f32).to_bits()
+                } else {
+                    value as i64 as u32
+                };
+            }
+        }
+        rows.take(|field| values[field], |field| bits[field])?;
+    }
+    Ok(())
+}
+
+fn read_binary(header: &Header, mut reader: impl Read, rows: &mut Rows) -> Result<(), ModelError> {
+    let mut row = vec![0; header.row_bytes];
+    for _ in 0..header.points {
+        reader.read_exact(&mut row).map_err(|e| ModelError::reading(e, READING))?;
+        let at = |field: usize| &row[header.fields[field].offset..];
+        rows.take(|field| header.fields[field].value(at(field)), |field| first_four(at(field)))?;
+    }
+    Ok(())
+}
+
+fn first_four(bytes: &[u8]) -> u32 {
+    u32::from_le_bytes(std::array::from_fn(|k| bytes[k]))
+}
+
+/// Compressed data hold all values of the first field, then all of the second, and so on.
+fn read_compressed(
+    header: &Header,
+    mut reader: impl Read,
+    rows: &mut Rows,
+    limits: &Limits,
+) -> Result<(), ModelError> {
+    let mut sizes = [0; 8];
+    reader.read_exact(&mut sizes).map_err(|e| ModelError::reading(e, READING))?;
+    let size = |at: usize| u32::from_le_bytes(std::array::from_fn(|k| sizes[at + k])) as usize;
+    let (compressed, plain) = (size(0), size(4));
+    if plain != header.points * header.row_bytes {
+        let what = format!("{plain} bytes are announced for {} points", header.points);
+        return Err(ModelError::Data { format: FORMAT, what });
+    }
+    ModelError::refuse_more("bytes", plain.max(compressed) as u64, limits.max_bytes)?;
+    let mut packed = Vec::new();
+    reader.take(compressed as u64).read_to_end(&mut packed).map_err(ModelError::Io)?;
+    if packed.len() < compressed {
+        return Err(ModelError::Truncated { reading: READING });
+    }
+    let damaged =
+        || ModelError::Data { format: FORMAT, what: "the compressed points are damaged".to_owned() };
+    let data = lzf::decompress(&packed, plain).ok_or_else(damaged)?;
+    for row in 0..header.points {
+        let at = |field: usize| {
+            let field = &header.fields[field];
+            &data[field.offset * header.points + row * field.bytes()..]
+        };
+        rows.take(|field| header.fields[field].value(at(field)), |field| first_four(at(field)))?;
+    }
+    Ok(())
+}
+
+/// Writes binary points with normals and packed colours where there are such.
+pub fn write(cloud: &PointCloud, mut writer: impl Write) -> std::io::Result<()> {
+    writer.write_all(header_text(cloud).as_bytes())?;
+    let (normals, colors) = (cloud.has_normals(), cloud.has_colors());
+    let mut row = Vec::with_capacity(28);
+    for (i, point) in cloud.points.iter().enumerate() {
+        row.clear();
+        row.extend(point.iter().flat_map(|v| v.to_le_bytes()));
+        if normals {
+            row.extend(cloud.normals[i].iter().flat_map(|v| v.to_le_bytes()));
+        }
+        if colors {
+            let [red, green, blue] = cloud.colors[i];
+            row.extend([blue, green, red, 255]);
+        }
+        writer.write_all(&row)?;
+    }
+    writer.flush()
+}
+
+fn header_text(cloud: &PointCloud) -> String {
+    let mut fields = vec![("x", 'F'), ("y", 'F'), ("z", 'F')];
+    if cloud.has_normals() {
+        fields.extend([("normal_x", 'F'), ("normal_y", 'F'), ("normal_z", 'F')]);
+    }
+    if cloud.has_colors() {
+        fields.push(("rgba", 'U'));
+    }
+    let mut text = String::from("# .PCD v0.7 - metres, z up\nVERSION 0.7\n");
+    let mut line = |key: &str, values: Vec<String>| {
+        writeln!(text, "{key} {}", values.join(" ")).expect("a string takes everything");
+    };
+    line("FIELDS", fields.iter().map(|(name, _)| (*name).to_owned()).collect());
+    line("SIZE", vec!["4".to_owned(); fields.len()]);
+    line("TYPE", fields.iter().map(|(_, kind)| kind.to_string()).collect());
+    line("COUNT", vec!["1".to_owned(); fields.len()]);
+    line("WIDTH", vec![cloud.len().to_string()]);
+    line("HEIGHT", vec!["1".to_owned()]);
+    line("VIEWPOINT", vec!["0 0 0 1 0 0 0".to_owned()]);
+    line("POINTS", vec![cloud.len().to_string()]);
+    line("DATA", vec!["binary".to_owned()]);
+    text
+}
+
+#[cfg(test)]
+mod tests;

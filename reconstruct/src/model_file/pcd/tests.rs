@@ -1,0 +1,70 @@
+//! PCD files as the library writes them, and broken ones.
+
+use super::*;
+
+fn header(fields: &str, sizes: &str, types: &str, points: usize, data: &str) -> Vec<u8> {
+    format!(
+        "# .PCD v.7\nVERSION .7\nFIELDS {fields}\nSIZE {sizes}\nTYPE {types}\nWIDTH {points}\nHEIGHT 1\n\
+         VIEWPOINT 0 0 0 1 0 0 0\nPOINTS {points}\nDATA {data}\n"
+    )
+    .into_bytes()
+}
+
+#[test]
+fn ascii_with_packed_colours_and_holes() {
+    let mut bytes = header("x y z rgb", "4 4 4 4", "F F F F", 3, "ascii");
+    let packed = f32::from_bits(0x000a_141e);
+    bytes.extend(format!("1 2 3 {packed}\nnan nan nan 0\n4 5 6 {packed}\n").as_bytes());
+    let cloud = read(bytes.as_slice(), &Limits::default()).unwrap();
+    assert_eq!(cloud.points, [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]);
+    assert_eq!(cloud.colors, [[10, 20, 30]; 2]);
+}
+
+#[test]
+fn ascii_colours_as_whole_numbers() {
+    let mut bytes = header("x y z rgb", "4 4 4 4", "F F F U", 1, "ascii");
+    bytes.extend(b"1 2 3 4278850590\n");
+    assert_eq!(read(bytes.as_slice(), &Limits::default()).unwrap().colors, [[10, 20, 30]]);
+}
+
+#[test]
+fn compressed_fields_lie_one_after_the_other() {
+    let mut bytes = header("x y z", "4 4 4", "F F F", 2, "binary_compressed");
+    let columns: Vec<u8> = [1.0f32, 4.0, 2.0, 5.0, 3.0, 6.0].iter().flat_map(|v| v.to_le_bytes()).collect();
+    let mut packed = vec![23];
+    packed.extend(&columns);
+    bytes.extend((packed.len() as u32).to_le_bytes());
+    bytes.extend(24u32.to_le_bytes());
+    bytes.extend(&packed);
+    let cloud = read(bytes.as_slice(), &Limits::default()).unwrap();
+    assert_eq!(cloud.points, [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]);
+    bytes.pop();
+    assert!(matches!(read(bytes.as_slice(), &Limits::default()), Err(ModelError::Truncated { .. })));
+}
+
+#[track_caller]
+fn check_refused(bytes: &[u8], expected: &str) {
+    let message = read(bytes, &Limits::default()).unwrap_err().to_string();
+    assert!(message.contains(expected), "{message}");
+}
+
+#[test]
+fn broken_files_are_refused_with_a_reason() {
+    check_refused(&header("x y z", "4 4 4", "F F F", 1_000_000_000, "binary"), "1000000000 points");
+    check_refused(&header("x y z", "4 4 4", "F F F", 2, "binary"), "ends too early");
+    check_refused(&header("x y z", "4 4", "F F F", 2, "binary"), "different lengths");
+    check_refused(&header("x y z", "4 4 1", "F F F", 2, "binary"), "the size \"1\"");
+    check_refused(&header("x y z", "4 4 4", "F F Q", 2, "binary"), "the type \"Q\"");
+    check_refused(&header("x y w", "4 4 4", "F F F", 2, "binary"), "no fields x, y and z");
+    check_refused(&header("x y z", "4 4 4", "F F F", 2, "zipped"), "\"zipped\"");
+    check_refused(b"WIDTH 4000000000\nHEIGHT 5000000000\nDATA binary\n", "absurd");
+    check_refused(b"POINTS 3\n", "ends too early");
+    let mut infinite = header("x y z", "4 4 4", "F F F", 1, "ascii");
+    infinite.extend(b"inf 0 0\n");
+    check_refused(&infinite, "point 1 lies at");
+    let mut huge = header("x y z", "4 4 4", "F F F", 5_000_000, "binary_compressed");
+    huge.extend([9, 0, 0, 0]);
+    huge.extend(60_000_000u32.to_le_bytes());
+    huge.extend([0; 9]);
+    check_refused(&huge, "damaged");
+}
