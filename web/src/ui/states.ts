@@ -30,8 +30,18 @@ export function failure(error: unknown, retry?: () => void): HTMLElement {
     "div",
     { class: "state failure", role: "alert" },
     h("p", {}, messageOf(error)),
-    retry ? button(texts.common.retry, retry) : null,
+    isLoggedOut(error) ? loginLink() : retry && button(texts.common.retry, retry),
   );
+}
+
+/** The session ended while the page was open. */
+function isLoggedOut(error: unknown): boolean {
+  return error instanceof ApiError && error.status === 401;
+}
+
+function loginLink(): HTMLElement {
+  const next = encodeURIComponent(location.pathname + location.search);
+  return h("a", { class: "button", href: `/login?next=${next}` }, texts.nav.login);
 }
 
 export function empty(title: string, text: string, ...actions: Child[]): HTMLElement {

@@ -22,7 +22,7 @@ import { LANES, type Model, type StreamHeader } from "./stream";
 export const BACKDROP = "#eef1ee";
 const MAX_PIXEL_RATIO = 2;
 /** Points overlap a little, so that a surface looks closed. */
-const POINT_OVERLAP = 1.7;
+const POINT_OVERLAP = 1.9;
 
 export class Renderer {
   readonly #gl: WebGLRenderer;
