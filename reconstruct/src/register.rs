@@ -6,10 +6,12 @@
 pub mod extrapolate;
 pub mod fpfh;
 pub mod gradient;
+pub mod graph;
 pub mod icp;
 pub mod kernel;
 pub mod keypoints;
 pub mod matching;
+pub mod plane;
 pub mod ransac;
 pub mod source_chain;
 pub mod svd;

@@ -1,15 +1,12 @@
 //! Nearest descriptors (source slide 24), by comparing all with all: in 33 dimensions a k-d tree visits nearly every leaf
-//! anyway, and this way both directions come out of one pass.
+//! anyway, and this way both directions come out of one pass. Descriptors of any length, so that colour can be added.
 
 use rayon::prelude::*;
 
-use super::fpfh::{Descriptor, LENGTH};
 use super::ransac::Match;
 
 /// Lanes summed side by side; the compiler turns them into vector registers.
 const LANES: usize = 4;
-/// Descriptors padded with zeros to whole lanes.
-const PADDED: usize = LENGTH.div_ceil(LANES) * LANES;
 /// Rows a parallel task compares; fixed.
 const ROWS: usize = 128;
 
@@ -51,9 +48,13 @@ impl Best {
 type Part = (Vec<Best>, Vec<(usize, f32)>);
 
 /// Matches `[source, target]` in the order of the source; descriptors that are all zero match nothing.
-pub fn match_descriptors(source: &[Descriptor], target: &[Descriptor], config: MatchConfig) -> Vec<Match> {
-    let (rows, row_ids) = padded(source);
-    let (columns, column_ids) = padded(target);
+pub fn match_descriptors<const N: usize>(
+    source: &[[f32; N]],
+    target: &[[f32; N]],
+    config: MatchConfig,
+) -> Vec<Match> {
+    let (rows, row_ids) = usable(source);
+    let (columns, column_ids) = usable(target);
     let parts: Vec<Part> = rows
         .par_chunks(ROWS)
         .enumerate()
@@ -90,33 +91,31 @@ pub fn match_descriptors(source: &[Descriptor], target: &[Descriptor], config: M
         .collect()
 }
 
-fn padded(descriptors: &[Descriptor]) -> (Vec<[f32; PADDED]>, Vec<usize>) {
+fn usable<const N: usize>(descriptors: &[[f32; N]]) -> (Vec<[f32; N]>, Vec<usize>) {
     descriptors
         .iter()
         .enumerate()
         .filter(|(_, d)| d.iter().any(|v| *v != 0.0) && d.iter().all(|v| v.is_finite()))
-        .map(|(i, d)| {
-            let mut row = [0.0; PADDED];
-            row[..LENGTH].copy_from_slice(d);
-            (row, i)
-        })
+        .map(|(i, d)| (*d, i))
         .unzip()
 }
 
-fn sq_distance(a: &[f32; PADDED], b: &[f32; PADDED]) -> f32 {
+fn sq_distance<const N: usize>(a: &[f32; N], b: &[f32; N]) -> f32 {
     let mut sums = [0.0f32; LANES];
-    for k in (0..PADDED).step_by(LANES) {
+    for k in (0..N / LANES * LANES).step_by(LANES) {
         for lane in 0..LANES {
             let d = a[k + lane] - b[k + lane];
             sums[lane] += d * d;
         }
     }
-    (sums[0] + sums[2]) + (sums[1] + sums[3])
+    let rest: f32 = (N / LANES * LANES..N).map(|k| (a[k] - b[k]).powi(2)).sum();
+    (sums[0] + sums[2]) + (sums[1] + sums[3]) + rest
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::register::fpfh::{Descriptor, LENGTH};
 
     fn random(count: usize, seed: u64) -> Vec<Descriptor> {
         let mut rng = fastrand::Rng::with_seed(seed);
@@ -162,6 +161,6 @@ mod tests {
         source[2][4] = f32::NAN;
         let matches = match_descriptors(&source, &random(5, 2), MatchConfig { mutual: false, ratio: None });
         assert_eq!(matches.len(), 1);
-        assert!(match_descriptors(&[], &source, MatchConfig::default()).is_empty());
+        assert!(match_descriptors::<LENGTH>(&[], &source, MatchConfig::default()).is_empty());
     }
 }
