@@ -5,4 +5,5 @@ pub mod commands;
 pub mod output;
 pub mod pictures;
 pub mod recording;
+pub mod simulate;
 pub mod ui;
