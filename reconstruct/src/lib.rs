@@ -33,5 +33,6 @@ pub mod recording;
 pub mod refine;
 pub mod register;
 pub mod segment;
+pub mod stream;
 pub mod view;
 pub mod voxel;
