@@ -1,5 +1,7 @@
 //! Support shared by the cross-crate tests.
 
+pub mod corners;
+
 use std::path::{Path, PathBuf};
 
 /// A folder or file of the shared test data. `None`, with a message, where it is absent; a failure where

@@ -1,3 +1,4 @@
 //! Cross-crate and black-box tests: one binary, one module a subject.
 
 mod files;
+mod markers;

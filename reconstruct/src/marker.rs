@@ -13,6 +13,7 @@ mod outline;
 mod pose;
 mod projection;
 mod quad;
+mod refine;
 #[cfg(test)]
 mod rendering;
 mod tables;

@@ -1,12 +1,13 @@
 //! From a grey picture to tags with sub-pixel corners.
 
-use nalgebra::{Matrix2, Point2, Vector2};
+use nalgebra::{Point2, Vector2};
 
 use super::decode::{Reading, read};
 use super::dictionary::Dictionary;
-use super::edge::{Lens, Side, fit_side};
+use super::edge::Lens;
 use super::outline::for_each_outline;
 use super::quad::{Quad, fit_quad};
+use super::refine::{RefinedQuad, refine};
 use super::threshold::black_mask;
 use crate::board::Family;
 use crate::camera::Intrinsics;
@@ -14,17 +15,6 @@ use crate::image::GrayImage;
 
 /// Smallest picture that is looked at, pixels a side.
 const MIN_IMAGE_SIDE: usize = 16;
-/// Reach of the first and of the final fit of the sides, in cells and pixels: it must end before the next cell does.
-const REACH_CELLS: f64 = 0.9;
-/// Longest reach of the final fit, pixels.
-const MAX_REACH_PX: f64 = 2.5;
-/// How much further the first fit looks, whose start is the outline's.
-const FIRST_REACH_FACTOR: f64 = 1.3;
-/// Most a side may differ from a blurred step, as a share of its contrast.
-const MAX_MISFIT: f64 = 0.3;
-/// What no fit can know: the lens model, print, quantisation.
-const CORNER_SIGMA_FLOOR_PX: f64 = 0.03;
-
 /// What counts as a tag.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DetectConfig {
@@ -123,55 +113,12 @@ fn recognise(
 ) -> Option<Detection> {
     let start = quad.corners.map(|c| lens.straighten(&c));
     let refined = refine(image, lens, &start, dictionary.cells(), f64::from(config.min_contrast))?;
+    // Codes without redundancy are believed only where all sides are those of a tag.
+    if refined.unfitted_sides > 2 * dictionary.max_bit_errors as usize {
+        return None;
+    }
     let reading = read(image, lens, &refined.corners, dictionary, f64::from(config.min_contrast))?;
     Some(upright(&refined, &reading, lens))
-}
-
-/// Corners after the sides' fit, clockwise from any, straightened pixels.
-struct RefinedQuad {
-    corners: [Point2<f64>; 4],
-    sigma_px: [f64; 4],
-}
-
-/// Fits the four sides twice and intersects them.
-fn refine(
-    image: &GrayImage,
-    lens: Lens<'_>,
-    start: &[Point2<f64>; 4],
-    cells: usize,
-    min_contrast: f64,
-) -> Option<RefinedQuad> {
-    let perimeter: f64 = (0..4).map(|k| (start[(k + 1) % 4] - start[k]).norm()).sum();
-    let cell_px = perimeter / (4.0 * cells as f64);
-    let reach = (REACH_CELLS * cell_px).clamp(1.5, MAX_REACH_PX);
-    let mut refined = RefinedQuad { corners: *start, sigma_px: [0.0; 4] };
-    for reach_px in [reach * FIRST_REACH_FACTOR, reach] {
-        let c = refined.corners;
-        let side = |k: usize| {
-            fit_side(image, lens, c[k], c[(k + 1) % 4], reach_px)
-                .filter(|s| s.misfit <= MAX_MISFIT && s.contrast >= min_contrast)
-        };
-        let sides = [side(0)?, side(1)?, side(2)?, side(3)?];
-        for k in 0..4 {
-            let before = &sides[(k + 3) % 4];
-            refined.corners[k] = before.line.intersection(&sides[k].line)?;
-            refined.sigma_px[k] = corner_sigma(before, &sides[k]);
-        }
-    }
-    let moved = (0..4).map(|k| (refined.corners[k] - start[k]).norm()).fold(0.0, f64::max);
-    (moved <= 2.5 + 0.04 * perimeter / 4.0).then_some(refined)
-}
-
-/// Standard deviation a coordinate of the corner where two sides meet.
-fn corner_sigma(before: &Side, after: &Side) -> f64 {
-    let normal = |s: &Side| Vector2::new(s.line.direction.y, -s.line.direction.x);
-    let (a, b) = (normal(before), normal(after));
-    let Some(inverse) = Matrix2::new(a.x, a.y, b.x, b.y).try_inverse() else {
-        return f64::INFINITY;
-    };
-    let variances = Matrix2::new(before.end_sd_px[1].powi(2), 0.0, 0.0, after.end_sd_px[0].powi(2));
-    let covariance = inverse * variances * inverse.transpose();
-    (0.5 * covariance.trace()).sqrt().hypot(CORNER_SIGMA_FLOOR_PX)
 }
 
 /// Corners in the order of the upright tag, in picture pixels.

@@ -1,0 +1,1 @@
+//! Markers on shared recordings and photographs.
