@@ -21,7 +21,7 @@ pub struct AverageConfig {
     pub min_valid_ratio: f32,
     /// Largest standard deviation over the frames, steps.
     pub max_sd_steps: f32,
-    /// Median change between the first and the last third that counts as motion, steps.
+    /// Change between the first and the last third of the frames that counts as motion, steps.
     pub motion_steps: f32,
     /// A pixel needs this many of its 8 neighbours within `edge_metres`, else it flies between two surfaces.
     pub min_neighbours: usize,
@@ -35,7 +35,7 @@ impl Default for AverageConfig {
             gate_steps: 3.0,
             min_valid_ratio: 0.5,
             max_sd_steps: 1.5,
-            motion_steps: 0.6,
+            motion_steps: 3.0,
             min_neighbours: 5,
             edge_metres: 0.016,
         }
@@ -53,7 +53,7 @@ pub struct DisparityMap {
     pub disparity_px: Vec<f32>,
     /// Focal length (pixels) times baseline (metres).
     pub focal_baseline: f64,
-    /// Median change of disparity from the first to the last third of the frames, pixels; 0 for fewer than 3 frames.
+    /// How far the scene changed from the first to the last third of the frames, pixels; 0 for fewer than 3 frames.
     pub motion_px: f32,
 }
 
@@ -125,9 +125,15 @@ fn mean_of(values: &mut [f32], frames: usize, config: &AverageConfig) -> f32 {
     if variance.sqrt() > config.max_sd_steps * STEP_PX { 0.0 } else { middle + mean }
 }
 
-/// Median absolute change of the mean disparity between the first and the last third of the frames, pixels.
+/// Side of the blocks in which motion is looked for, pixels.
+const MOTION_BLOCK_PX: usize = 8;
+/// Share of the blocks that may change more, so that flickering edges are not motion.
+const MOTION_SHARE: f32 = 0.02;
+
+/// How far the scene changed between the first and the last third of the frames, pixels of disparity.
 ///
-/// Noise alone makes it about one step over the root of the frames in a third.
+/// The median change of every block of pixels; of those, the one that only a few blocks exceed: a product that moved
+/// fills only part of the picture.
 fn motion(frames: &[DepthImage], table: &[f32]) -> f32 {
     let third = frames.len() / 3;
     if third == 0 {
@@ -137,14 +143,26 @@ fn motion(frames: &[DepthImage], table: &[f32]) -> f32 {
         let values = part.iter().map(|f| table[f.data[i] as usize]);
         values.clone().all(|d| d > 0.0).then(|| values.sum::<f32>() / part.len() as f32)
     };
-    let change =
-        |i: usize| Some((mean(&frames[frames.len() - third..], i)? - mean(&frames[..third], i)?).abs());
-    let mut changes: Vec<f32> = (0..frames[0].data.len()).step_by(7).filter_map(change).collect();
-    if changes.is_empty() {
+    let change = |i: usize| Some(mean(&frames[frames.len() - third..], i)? - mean(&frames[..third], i)?);
+    let (width, height) = (frames[0].width, frames[0].height);
+    let block = |x: usize, y: usize| {
+        let rows = y..(y + MOTION_BLOCK_PX).min(height);
+        let pixels = rows.flat_map(|v| (x..(x + MOTION_BLOCK_PX).min(width)).map(move |u| v * width + u));
+        let mut changes: Vec<f32> = pixels.filter_map(change).collect();
+        let middle = changes.len() / 2;
+        (changes.len() > MOTION_BLOCK_PX * MOTION_BLOCK_PX / 2)
+            .then(|| changes.select_nth_unstable_by(middle, f32::total_cmp).1.abs())
+    };
+    let mut blocks: Vec<f32> = (0..height)
+        .step_by(MOTION_BLOCK_PX)
+        .flat_map(|y| (0..width).step_by(MOTION_BLOCK_PX).map(move |x| (x, y)))
+        .filter_map(|(x, y)| block(x, y))
+        .collect();
+    if blocks.is_empty() {
         return 0.0;
     }
-    let middle = changes.len() / 2;
-    *changes.select_nth_unstable_by(middle, f32::total_cmp).1
+    let at = ((1.0 - MOTION_SHARE) * (blocks.len() - 1) as f32) as usize;
+    *blocks.select_nth_unstable_by(at, f32::total_cmp).1
 }
 
 /// Removes pixels that hang between two surfaces: too few of their neighbours are at the same depth.
@@ -226,7 +244,7 @@ mod tests {
     fn motion_is_noticed() {
         let mut frames = plane(6, 0);
         for frame in &mut frames[4..] {
-            frame.data.iter_mut().for_each(|d| *d += 20);
+            frame.data[..400].iter_mut().for_each(|d| *d += 20);
         }
         let still = average(&plane(6, 1), 525.0, &AverageConfig::default()).motion_px;
         let moved = average(&frames, 525.0, &AverageConfig::default()).motion_px;

@@ -1,7 +1,8 @@
 //! Do the views agree? A product that was knocked in one view stands elsewhere there, and so does its surface.
 //!
-//! For every pair of views, the distance between their surfaces is taken where both see the same spot (world frame,
-//! metres). A view whose surface is off against most of its neighbours does not fit.
+//! For every pair of views, each point of one is held against the depth that the other sees in its direction (metres): it
+//! agrees, it is hidden, or it contradicts, standing where the other view sees through. A view that contradicts most of
+//! its neighbours in many points does not fit.
 
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
@@ -12,13 +13,15 @@ use crate::view::DepthView;
 /// Settings of the check.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ConsistencyConfig {
-    /// Surfaces farther apart are not compared, metres.
-    pub reach_metres: f64,
+    /// Gaps up to this are noise, metres.
+    pub noise_metres: f64,
+    /// Contradictions count as at most this large, metres: behind the product's outline the room may be far.
+    pub far_metres: f64,
     /// A pair needs this many common points to be judged.
     pub min_common: usize,
-    /// A view off by more than this does not fit, metres ...
-    pub max_offset_metres: f64,
-    /// ... and by more than this many times the middle of all views.
+    /// A view with a larger share of contradicting points does not fit ...
+    pub max_conflict: f64,
+    /// ... if that is also this many times the middle of all views.
     pub max_ratio: f64,
     /// Points looked at a view.
     pub samples: usize,
@@ -26,17 +29,42 @@ pub struct ConsistencyConfig {
 
 impl Default for ConsistencyConfig {
     fn default() -> Self {
-        Self { reach_metres: 0.03, min_common: 150, max_offset_metres: 0.002, max_ratio: 2.2, samples: 2500 }
+        Self {
+            noise_metres: 0.005,
+            far_metres: 0.020,
+            min_common: 150,
+            max_conflict: 0.06,
+            max_ratio: 3.0,
+            samples: 2500,
+        }
     }
 }
 
 /// How one view agrees with the others.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ViewFit {
-    /// Middle root-mean-square distance to the neighbours' surfaces, metres; `None` where it shares no surface.
-    pub offset_metres: Option<f64>,
+    /// Middle share of points that contradict a neighbour; `None` where no neighbour shares enough surface.
+    pub conflict: Option<f64>,
+    /// Root mean square distance to the neighbours' surfaces where they agree, metres.
+    pub inlier_rmse_metres: f64,
+    /// Middle distance of the contradicting points, metres.
+    pub conflict_metres: f64,
     /// Neighbours compared with.
     pub neighbours: usize,
+}
+
+/// What the points of one view meet in another.
+#[derive(Debug, Clone, Default)]
+struct Meeting {
+    agree: usize,
+    squares: f64,
+    conflicts: Vec<f64>,
+}
+
+impl Meeting {
+    fn common(&self) -> usize {
+        self.agree + self.conflicts.len()
+    }
 }
 
 /// Agreement of every view with the others, in the order of the views.
@@ -46,70 +74,84 @@ pub fn agreement(
     config: &ConsistencyConfig,
 ) -> Vec<ViewFit> {
     let n = views.len();
-    let one_way: Vec<Option<(f64, usize)>> = (0..n * n)
+    let one_way: Vec<Meeting> = (0..n * n)
         .into_par_iter()
-        .map(|k| (k / n != k % n).then(|| distance(views, world_from_camera, k / n, k % n, config)).flatten())
+        .map(|k| {
+            if k / n == k % n {
+                Meeting::default()
+            } else {
+                meet(views, world_from_camera, k / n, k % n, config)
+            }
+        })
         .collect();
-    let of_view = |i: usize| {
-        let mut offsets: Vec<f64> = (0..n)
-            .filter_map(|j| match (one_way[i * n + j], one_way[j * n + i]) {
-                (Some(a), Some(b)) => Some((a, b)),
-                _ => None,
-            })
-            .map(|((a, na), (b, nb))| (a * na as f64 + b * nb as f64) / (na + nb) as f64)
-            .map(f64::sqrt)
-            .collect();
-        ViewFit { offset_metres: middle(&mut offsets), neighbours: offsets.len() }
-    };
-    (0..n).map(of_view).collect()
+    (0..n).map(|i| fit_of(i, n, &one_way, config)).collect()
+}
+
+/// Gathers what view `i` met in the others and the others in it.
+fn fit_of(i: usize, n: usize, one_way: &[Meeting], config: &ConsistencyConfig) -> ViewFit {
+    let mut shares = Vec::new();
+    let mut gaps = Vec::new();
+    let (mut squares, mut agree) = (0.0, 0usize);
+    for j in (0..n).filter(|&j| j != i) {
+        let both = [&one_way[i * n + j], &one_way[j * n + i]];
+        let common: usize = both.iter().map(|m| m.common()).sum();
+        if common < config.min_common {
+            continue;
+        }
+        let conflicts: usize = both.iter().map(|m| m.conflicts.len()).sum();
+        shares.push(conflicts as f64 / common as f64);
+        both.iter().for_each(|m| gaps.extend_from_slice(&m.conflicts));
+        squares += both.iter().map(|m| m.squares).sum::<f64>();
+        agree += common - conflicts;
+    }
+    ViewFit {
+        conflict: middle(&mut shares),
+        inlier_rmse_metres: (squares / agree.max(1) as f64).sqrt(),
+        conflict_metres: middle(&mut gaps).unwrap_or(0.0),
+        neighbours: shares.len(),
+    }
 }
 
 /// The view that fits worst, if it does not fit at all.
 pub fn misfit(fits: &[ViewFit], config: &ConsistencyConfig) -> Option<usize> {
-    let mut offsets: Vec<f64> = fits.iter().filter_map(|f| f.offset_metres).collect();
-    if offsets.len() < 3 {
+    let mut shares: Vec<f64> = fits.iter().filter_map(|f| f.conflict).collect();
+    if shares.len() < 3 {
         return None;
     }
-    let usual = middle(&mut offsets)?;
-    let bound = config.max_offset_metres.max(config.max_ratio * usual);
-    let (worst, offset) = fits
+    let usual = middle(&mut shares)?;
+    let bound = config.max_conflict.max(config.max_ratio * usual);
+    let (worst, share) = fits
         .iter()
         .enumerate()
-        .filter_map(|(i, f)| f.offset_metres.map(|o| (i, o)))
+        .filter_map(|(i, f)| f.conflict.map(|share| (i, share)))
         .max_by(|a, b| a.1.total_cmp(&b.1))?;
-    (offset > bound).then_some(worst)
+    (share > bound).then_some(worst)
 }
 
-/// Mean square distance along the normals from view i to view j where both see the same spot, and the number of spots.
-fn distance(
-    views: &[&DepthView],
-    poses: &[Pose],
-    i: usize,
-    j: usize,
-    config: &ConsistencyConfig,
-) -> Option<(f64, usize)> {
+/// Compares the points of view `i` with what view `j` sees in their directions.
+fn meet(views: &[&DepthView], poses: &[Pose], i: usize, j: usize, config: &ConsistencyConfig) -> Meeting {
     let (source, target) = (views[i], views[j]);
     let target_from_source = poses[j].inverse() * poses[i];
     let pixels: Vec<usize> = source.product_pixels().filter(|&s| source.incidence_cosine(s) > 0.4).collect();
     let stride = (pixels.len() / config.samples).max(1);
-    let (mut squares, mut count) = (0.0, 0usize);
+    let mut meeting = Meeting::default();
     for &s in pixels.iter().step_by(stride) {
         let p = target_from_source * Point3::from(source.points[s]).cast::<f64>();
-        let Some(t) = target.pixel_of(&p) else { continue };
-        if !target.mask[t] || target.incidence_cosine(t) < 0.4 {
+        // Surfaces that the other view sees from the side or from behind are compared by views in between.
+        let n = target_from_source.rotation * Vector3::from(source.normals[s]).cast::<f64>();
+        if n.dot(&p.coords) > -0.4 * p.coords.norm() {
             continue;
         }
-        let n_p = target_from_source.rotation * Vector3::from(source.normals[s]).cast::<f64>();
-        let n_q = Vector3::from(target.normals[t]).cast::<f64>();
-        let gap = p - Point3::from(target.points[t]).cast::<f64>();
-        if n_p.dot(&n_q) < 0.6 || gap.norm() > config.reach_metres {
-            continue;
+        let Some(gap) = target.nearest_gap(&p) else { continue };
+        if gap.abs() <= config.noise_metres {
+            meeting.agree += 1;
+            meeting.squares += gap * gap;
+        } else if gap > 0.0 {
+            // Only seeing through is a contradiction: what lies behind the seen surface may be hidden by another part.
+            meeting.conflicts.push(gap.min(config.far_metres));
         }
-        let r = (n_p + n_q).normalize().dot(&gap);
-        squares += r * r;
-        count += 1;
     }
-    (count >= config.min_common).then(|| (squares / count as f64, count))
+    meeting
 }
 
 fn middle(values: &mut [f64]) -> Option<f64> {
@@ -121,15 +163,21 @@ fn middle(values: &mut [f64]) -> Option<f64> {
 mod tests {
     use super::*;
 
-    fn fits(offsets_mm: &[f64]) -> Vec<ViewFit> {
-        offsets_mm.iter().map(|o| ViewFit { offset_metres: Some(o / 1000.0), neighbours: 4 }).collect()
+    fn fits(shares: &[f64]) -> Vec<ViewFit> {
+        let fit = |&share| ViewFit {
+            conflict: Some(share),
+            inlier_rmse_metres: 0.001,
+            conflict_metres: 0.01,
+            neighbours: 4,
+        };
+        shares.iter().map(fit).collect()
     }
 
     #[test]
     fn only_a_view_that_is_off_is_named() {
         let config = ConsistencyConfig::default();
-        assert_eq!(misfit(&fits(&[0.8, 0.9, 0.7, 5.0, 1.0]), &config), Some(3));
-        assert_eq!(misfit(&fits(&[0.8, 0.9, 0.7, 1.5, 1.0]), &config), None);
-        assert_eq!(misfit(&fits(&[0.8, 9.0]), &config), None, "two views cannot outvote each other");
+        assert_eq!(misfit(&fits(&[0.01, 0.02, 0.01, 0.2, 0.02]), &config), Some(3));
+        assert_eq!(misfit(&fits(&[0.01, 0.02, 0.01, 0.03, 0.02]), &config), None);
+        assert_eq!(misfit(&fits(&[0.01, 0.5]), &config), None, "two views cannot outvote each other");
     }
 }

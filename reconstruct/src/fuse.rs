@@ -115,34 +115,13 @@ fn is_seen_through(point: &Point3<f64>, others: &[(Pose, &DepthView)], see_throu
     let (mut through, mut agree) = (0, 0);
     for (other_from_this, other) in others {
         let p = other_from_this * point;
-        match nearest_gap(other, &p) {
+        match other.nearest_gap(&p) {
             Some(gap) if gap > see_through_metres => through += 1,
             Some(gap) if gap.abs() < 0.5 * see_through_metres => agree += 1,
             _ => {}
         }
     }
     through >= 2 && through > agree
-}
-
-/// How much farther than the point the view sees in its direction, by the nearest of 3x3 pixels; `None` where it sees nothing.
-fn nearest_gap(view: &DepthView, p: &Point3<f64>) -> Option<f64> {
-    let centre = view.pixel_of(p)?;
-    let (width, height) = (view.camera.width as usize, view.camera.height as usize);
-    let (u, v) = (centre % width, centre / width);
-    let mut best: Option<f64> = None;
-    for y in v.saturating_sub(1)..=(v + 1).min(height - 1) {
-        for x in u.saturating_sub(1)..=(u + 1).min(width - 1) {
-            let z = f64::from(view.points[y * width + x][2]);
-            if z <= 0.0 {
-                return None;
-            }
-            let gap = z - p.z;
-            if best.is_none_or(|b| gap.abs() < b.abs()) {
-                best = Some(gap);
-            }
-        }
-    }
-    best
 }
 
 /// Factors that bring every view's colours to a common brightness, channel by channel: least squares of log colours over

@@ -32,6 +32,7 @@ pub mod poster;
 pub mod recording;
 pub mod refine;
 pub mod register;
+pub mod report;
 pub mod segment;
 pub mod stream;
 pub mod view;

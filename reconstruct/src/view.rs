@@ -45,6 +45,28 @@ impl DepthView {
         inside.then(|| v as usize * self.camera.width as usize + u as usize)
     }
 
+    /// How much farther than a point (in this camera's frame) the view sees in its direction, metres, by the nearest of 3x3
+    /// pixels; `None` where one of them has no depth.
+    pub fn nearest_gap(&self, p_in_camera: &Point3<f64>) -> Option<f64> {
+        let centre = self.pixel_of(p_in_camera)?;
+        let (width, height) = (self.camera.width as usize, self.camera.height as usize);
+        let (u, v) = (centre % width, centre / width);
+        let mut best: Option<f64> = None;
+        for y in v.saturating_sub(1)..=(v + 1).min(height - 1) {
+            for x in u.saturating_sub(1)..=(u + 1).min(width - 1) {
+                let z = f64::from(self.points[y * width + x][2]);
+                if z <= 0.0 {
+                    return None;
+                }
+                let gap = z - p_in_camera.z;
+                if best.is_none_or(|b| gap.abs() < b.abs()) {
+                    best = Some(gap);
+                }
+            }
+        }
+        best
+    }
+
     /// Indices of the product's pixels that have a normal.
     pub fn product_pixels(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.points.len()).filter(|&i| self.mask[i] && self.normals[i] != [0.0; 3])

@@ -2,8 +2,10 @@
 
 pub mod cli;
 pub mod commands;
+pub mod config;
 pub mod output;
 pub mod pictures;
+pub mod pipeline;
 pub mod recording;
 pub mod simulate;
 pub mod ui;

@@ -1,0 +1,201 @@
+//! What is said about a scan: `report.json`, and the reasons why a view was left out, in words a seller understands.
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+/// `report.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Report {
+    /// Always 1.
+    pub version: u32,
+    /// One entry a view of the recording, in its order.
+    pub views: Vec<ViewReport>,
+    /// Points of the model.
+    pub points: usize,
+    /// Length, width, height, metres; absent where nothing was built.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dimensions_m: Option<[f64; 3]>,
+    /// Half widths of their 95 % intervals, metres.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dimensions_uncertainty_m: Option<[f64; 3]>,
+    /// How the depth was corrected.
+    pub depth_calibration: CalibrationReport,
+    /// What the seller should know.
+    pub warnings: Vec<String>,
+    /// The scan in one word.
+    pub verdict: Verdict,
+    /// Why, in one sentence.
+    pub verdict_reason: String,
+    /// Wall time of the stages, milliseconds, by the stage's name.
+    pub timings_ms: serde_json::Map<String, Value>,
+    /// The program's version.
+    pub software: String,
+    /// What every stage of the source's own chain did; only with `--method source`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub source_chain: Option<Value>,
+}
+
+/// The scan in one word.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Verdict {
+    /// All views fit and the board was seen well.
+    Good,
+    /// Usable, with something to know.
+    Acceptable,
+    /// Not fit to be shown.
+    Poor,
+}
+
+/// One view in the report.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ViewReport {
+    /// The view's name.
+    pub name: String,
+    /// Whether it is part of the model.
+    pub used: bool,
+    /// Row-major 4x4 of the colour camera; `None` where it could not be placed.
+    pub world_from_camera: Option<[f64; 16]>,
+    /// Tags that took part in its pose.
+    pub tags: usize,
+    /// Root mean square corner error, pixels.
+    pub reprojection_px: Option<f64>,
+    /// Root mean square distance to the other views' surfaces where they agree, millimetres.
+    pub inlier_rmse_mm: Option<f64>,
+    /// Share of its points that contradict a neighbouring view, percent.
+    pub conflict_percent: Option<f64>,
+    /// Why it was left out.
+    pub reason: Option<String>,
+}
+
+/// The depth calibration in the report.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct CalibrationReport {
+    /// Factor from measured to true depth.
+    pub scale: f64,
+    /// Its standard deviation.
+    pub scale_sd: f64,
+    /// Median depth error on the board before correction, millimetres; positive: the sensor reads too far.
+    pub board_error_before_mm: f64,
+    /// The same after correction.
+    pub board_error_after_mm: f64,
+    /// Board pixels that took part.
+    pub samples: usize,
+}
+
+/// Why a view is not part of the model.
+#[derive(Debug, Clone, PartialEq)]
+pub enum LeftOut {
+    /// No depth at all.
+    NoDepth,
+    /// The scene moved while the view was taken.
+    Moved {
+        /// Change of disparity, pixels.
+        motion_px: f32,
+    },
+    /// No marker was recognised.
+    NoTags {
+        /// Whether the picture has too little sharp detail.
+        blurred: bool,
+    },
+    /// Markers of another family were seen.
+    OtherFamily {
+        /// The family seen.
+        found: String,
+        /// The family of `board.json`.
+        expected: String,
+    },
+    /// Only one marker of the board was recognised.
+    OneTag {
+        /// Its id.
+        id: u32,
+    },
+    /// The markers contradict each other or the board.
+    Markers(String),
+    /// Nothing stands above the board.
+    NoProduct,
+    /// Something stands on the board, but not in its middle.
+    OutsideRegion,
+    /// The surface does not match the other views'.
+    DoesNotFit {
+        /// Middle distance, metres.
+        offset_metres: f64,
+    },
+    /// No other view shares enough surface to place this one.
+    NoOverlap,
+    /// Placed without a board, but not surely.
+    Unsure(String),
+}
+
+impl std::fmt::Display for LeftOut {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::NoDepth => write!(
+                f,
+                "the sensor measured no depth: keep 0.5 to 1.5 m distance, avoid sunlight, and take this view again"
+            ),
+            Self::Moved { .. } => {
+                write!(
+                    f,
+                    "something moved while this view was taken: let everything stand still and take it again"
+                )
+            }
+            Self::NoTags { blurred: true } => {
+                write!(
+                    f,
+                    "the picture is blurred and no marker could be read: hold the camera still and take it again"
+                )
+            }
+            Self::NoTags { blurred: false } => {
+                write!(
+                    f,
+                    "no marker of the board can be seen: show more of the board and take this view again"
+                )
+            }
+            Self::OtherFamily { found, expected } => write!(
+                f,
+                "the markers in the picture are of the family {found}, but board.json says {expected}: use the board.json \
+                 that was made with the printed sheet"
+            ),
+            Self::OneTag { id } => write!(
+                f,
+                "only one marker (id {id}) can be seen: at least two are needed, so show more of the board and take this view again"
+            ),
+            Self::Markers(what) => write!(f, "{what}"),
+            Self::NoProduct => {
+                write!(
+                    f,
+                    "nothing stands in the middle of the board, or the sensor cannot see it (dark, shiny or transparent things give no depth)"
+                )
+            }
+            Self::OutsideRegion => {
+                write!(
+                    f,
+                    "the product does not stand in the middle of the board: put it inside the marked region"
+                )
+            }
+            Self::DoesNotFit { offset_metres } => write!(
+                f,
+                "the product stands differently here than in the other views (about {:.0} mm off): it was probably knocked or \
+                 turned; take this view again",
+                (offset_metres * 1000.0).max(1.0)
+            ),
+            Self::NoOverlap => {
+                write!(f, "this view shares too little surface with the others: take another one in between")
+            }
+            Self::Unsure(what) => write!(f, "{what}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reasons_say_what_to_do() {
+        let knocked = LeftOut::DoesNotFit { offset_metres: 0.0062 }.to_string();
+        assert!(knocked.contains("knocked") && knocked.contains("6 mm"), "{knocked}");
+        assert!(LeftOut::OneTag { id: 7 }.to_string().contains("id 7"));
+    }
+}

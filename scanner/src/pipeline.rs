@@ -1,0 +1,50 @@
+//! From a recording to a model: **start reading here**. One call a stage, in the order of the data's way.
+//!
+//! Each stage is a module of `reconstruct` (the mathematics) with a thin driver below `pipeline/` that runs it over all
+//! views. World frame = board, z up, metres; `world_from_camera` is the colour camera's.
+
+pub mod align;
+pub mod cut;
+pub mod depth;
+pub mod load;
+pub mod markers;
+pub mod outcome;
+pub mod source;
+pub mod stages;
+
+use reconstruct::cloud::PointCloud;
+use reconstruct::fuse;
+use reconstruct::report::Report;
+
+use crate::config::Config;
+use crate::recording::RecordingError;
+use crate::ui::Ui;
+pub use source::ViewSource;
+use stages::Stages;
+
+/// A built model, or the report that says why there is none.
+#[derive(Debug, Clone)]
+pub struct Scan {
+    /// The product's points with colours and normals, world frame, metres; empty where nothing could be built.
+    pub cloud: PointCloud,
+    /// What is said about it.
+    pub report: Report,
+}
+
+/// Builds the model of a recording.
+///
+/// # Errors
+/// Where the recording cannot be read. A recording that can be read but gives no good scan comes back with an empty cloud
+/// and a report that says why.
+pub fn build(source: &dyn ViewSource, config: &Config, ui: &Ui) -> Result<Scan, RecordingError> {
+    let mut stages = Stages::new(ui);
+    let mut scan =
+        stages.try_run("load", source.view_count(), |stage| load::load_and_average(source, config, stage))?;
+    stages.run("markers", |_| markers::place_on_board(&mut scan, source.board(), config));
+    stages.run("calibrate", |_| depth::calibrate(&mut scan));
+    stages.run("cut", |_| cut::cut_background(&mut scan, config));
+    stages.run("align", |_| align::refine_together(&mut scan, config));
+    let cloud = stages.run("fuse", |_| fuse::fuse(&scan.placed_views(), &config.fuse));
+    let (cloud, report) = outcome::judge(&scan, cloud, stages.timings());
+    Ok(Scan { cloud, report })
+}

@@ -1,0 +1,124 @@
+//! Last stage: the result is measured and judged in words.
+
+use reconstruct::cloud::PointCloud;
+use reconstruct::measure::{Dimensions, dimensions};
+use reconstruct::pose;
+use reconstruct::report::{CalibrationReport, LeftOut, Report, Verdict, ViewReport};
+use serde_json::{Map, Value};
+
+use super::load::{View, Work};
+
+/// Fewer points are no model.
+const MIN_POINTS: usize = 500;
+/// Relative uncertainty of the printed board: paper and printer.
+const PRINT_SCALE_SD: f64 = 0.0015;
+
+/// Measures the cloud and writes the report; a scan that cannot be right comes back without points.
+pub fn judge(scan: &Work, cloud: PointCloud, timings_ms: Map<String, Value>) -> (PointCloud, Report) {
+    let mut warnings = scan.warnings.clone();
+    let failure = scan.failure.clone().or_else(|| no_agreement(scan)).or_else(|| too_little(&cloud));
+    let cloud = if failure.is_some() { PointCloud::default() } else { cloud };
+    let scale_sd =
+        (scan.calibration.standard_deviations[0].min(0.01).powi(2) + PRINT_SCALE_SD.powi(2)).sqrt();
+    let size = dimensions(&cloud, scale_sd);
+    let left_out = scan.views.iter().filter(|v| !v.is_used()).count();
+    if failure.is_none() {
+        warnings.extend(
+            scan.views.iter().filter_map(|v| v.left_out.as_ref().map(|r| format!("view {}: {r}", v.name))),
+        );
+    }
+    warnings.extend(size.as_ref().and_then(implausible_size));
+    let (verdict, verdict_reason) = match failure {
+        Some(why) => (Verdict::Poor, why),
+        None => verdict(scan, left_out),
+    };
+    let report = Report {
+        version: 1,
+        views: scan.views.iter().map(view_report).collect(),
+        points: cloud.len(),
+        dimensions_m: size.map(|s| s.metres.map(|v| round(v, 1e5))),
+        dimensions_uncertainty_m: size.map(|s| s.uncertainty_metres.map(|v| round(v, 1e5))),
+        depth_calibration: calibration_report(scan),
+        warnings,
+        verdict,
+        verdict_reason,
+        timings_ms,
+        software: env!("CARGO_PKG_VERSION").to_owned(),
+        source_chain: None,
+    };
+    (cloud, report)
+}
+
+/// Where most views contradict each other, none of them can be believed.
+fn no_agreement(scan: &Work) -> Option<String> {
+    let used = scan.views.iter().filter(|v| v.is_used()).count();
+    let off = scan.views.iter().filter(|v| matches!(v.left_out, Some(LeftOut::DoesNotFit { .. }))).count();
+    let why = "the views do not fit together: the product or a marker sheet was moved between them; scan again without touching either";
+    (off > used).then(|| why.to_owned())
+}
+
+fn too_little(cloud: &PointCloud) -> Option<String> {
+    let why = "hardly any surface was measured: dark, shiny and transparent things give no depth; try more light, a nearer camera (0.6 to 0.9 m) or a dusting of powder";
+    (cloud.len() < MIN_POINTS).then(|| why.to_owned())
+}
+
+fn implausible_size(size: &Dimensions) -> Option<String> {
+    let longest = size.metres[0].max(size.metres[2]);
+    (longest > 1.0).then(|| {
+        format!("the product seems to be {longest:.1} m long: check units_per_metre of the recording")
+    })
+}
+
+fn verdict(scan: &Work, left_out: usize) -> (Verdict, String) {
+    let used = scan.views.len() - left_out;
+    let mut tags: Vec<usize> = scan.views.iter().filter(|v| v.is_used()).map(tags_of).collect();
+    tags.sort_unstable();
+    let few_tags = scan.board.is_some() && tags.first().is_some_and(|&t| t < 4);
+    match (used, left_out, few_tags) {
+        (0..=2, _, _) => {
+            (Verdict::Acceptable, format!("only {used} views were used, so much of the product is unseen"))
+        }
+        (_, 0, false) => (Verdict::Good, "all views fit together".to_owned()),
+        (_, 0, true) => (
+            Verdict::Acceptable,
+            "some views show fewer than four markers, so the model may be off by a millimetre or two"
+                .to_owned(),
+        ),
+        _ if left_out * 3 > scan.views.len() => {
+            (Verdict::Acceptable, format!("{left_out} of {} views had to be left out", scan.views.len()))
+        }
+        _ => (Verdict::Good, format!("{used} views fit together; {left_out} left out")),
+    }
+}
+
+fn tags_of(view: &View) -> usize {
+    view.marker_pose.as_ref().map_or(0, |p| p.used.len())
+}
+
+fn view_report(view: &View) -> ViewReport {
+    ViewReport {
+        name: view.name.clone(),
+        used: view.is_used() && view.world_from_camera.is_some(),
+        world_from_camera: view.world_from_camera.as_ref().map(pose::to_row_major),
+        tags: tags_of(view),
+        reprojection_px: view.marker_pose.as_ref().map(|p| round(p.reprojection_px, 1e3)),
+        inlier_rmse_mm: view.fit.map(|f| round(f.inlier_rmse_metres * 1000.0, 1e3)),
+        conflict_percent: view.fit.and_then(|f| f.conflict).map(|c| round(c * 100.0, 1e2)),
+        reason: view.left_out.as_ref().map(ToString::to_string),
+    }
+}
+
+fn calibration_report(scan: &Work) -> CalibrationReport {
+    let c = &scan.calibration;
+    CalibrationReport {
+        scale: round(c.depth_scale(), 1e5),
+        scale_sd: round(c.standard_deviations[0], 1e5),
+        board_error_before_mm: round(c.error_metres[0] * 1000.0, 1e3),
+        board_error_after_mm: round(c.error_metres[1] * 1000.0, 1e3),
+        samples: c.samples,
+    }
+}
+
+fn round(value: f64, steps: f64) -> f64 {
+    (value * steps).round() / steps
+}

@@ -1,0 +1,50 @@
+//! Runs the stages: says which is at work and keeps how long each took.
+
+use serde_json::{Map, Value, json};
+
+use crate::ui::{Stage, Ui};
+
+/// The stages so far.
+#[derive(Debug)]
+pub struct Stages<'a> {
+    ui: &'a Ui,
+    timings_ms: Map<String, Value>,
+}
+
+impl<'a> Stages<'a> {
+    /// None yet.
+    pub fn new(ui: &'a Ui) -> Self {
+        Self { ui, timings_ms: Map::new() }
+    }
+
+    /// Runs one stage that cannot fail.
+    pub fn run<T>(&mut self, name: &str, work: impl FnOnce(&Stage) -> T) -> T {
+        let stage = self.ui.stage(name, 1);
+        let result = work(&stage);
+        self.keep(name, stage);
+        result
+    }
+
+    /// Runs one stage of `steps` steps that may fail.
+    pub fn try_run<T, E>(
+        &mut self,
+        name: &str,
+        steps: usize,
+        work: impl FnOnce(&Stage) -> Result<T, E>,
+    ) -> Result<T, E> {
+        let stage = self.ui.stage(name, steps);
+        let result = work(&stage)?;
+        self.keep(name, stage);
+        Ok(result)
+    }
+
+    /// Wall time of every stage in milliseconds.
+    pub fn timings(self) -> Map<String, Value> {
+        self.timings_ms
+    }
+
+    fn keep(&mut self, name: &str, stage: Stage) {
+        let millis = stage.done().as_secs_f64() * 1000.0;
+        self.timings_ms.insert(name.to_owned(), json!((millis * 10.0).round() / 10.0));
+    }
+}
