@@ -9,6 +9,7 @@ mod detect;
 mod dictionary;
 mod edge;
 mod homography;
+mod layout;
 mod outline;
 mod pose;
 mod projection;
@@ -21,6 +22,7 @@ mod threshold;
 
 pub use detect::{DetectConfig, Detection, detect, other_families};
 pub use dictionary::{Decoded, Dictionary};
+pub use layout::{LayoutConfig, LayoutError, SheetLayout, place_sheets};
 pub use pose::{
     BoardPose, BoardPoseError, PoseConfig, Rejection, board_pose, choose_by_plane, explain_no_tags,
 };

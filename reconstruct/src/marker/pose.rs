@@ -138,6 +138,14 @@ pub fn board_pose(
     })
 }
 
+/// Poses that one tag allows, at most two, its own frame's origin in its middle: camera from tag.
+pub(super) fn tag_poses(corners: &[Point2<f64>; 4], size: f64, camera: &Intrinsics) -> Vec<Pose> {
+    let h = 0.5 * size;
+    let tag = Tag { id: 0, corners_m: [[-h, h, 0.0], [h, h, 0.0], [h, -h, 0.0], [-h, -h, 0.0]] };
+    let seen = SeenTag { tag, corners: *corners, sigma_px: [0.0; 4] };
+    start::from_group(&[seen], camera, &PoseConfig::default())
+}
+
 /// Says why a picture without a usable tag of the board has none: tries the other families.
 pub fn explain_no_tags(
     image: &GrayImage,

@@ -44,7 +44,7 @@ pub(super) fn best_start(
 }
 
 /// Both poses that some tags of one plane allow, refined on these tags: a homography of small tags is far off.
-fn from_group(tags: &[SeenTag], camera: &Intrinsics, config: &PoseConfig) -> Vec<Pose> {
+pub(super) fn from_group(tags: &[SeenTag], camera: &Intrinsics, config: &PoseConfig) -> Vec<Pose> {
     let corners = all_corners(tags);
     let refine = |pose: Pose| Some(solve(&corners, pose, camera, config.huber_px)?.pose);
     let first = from_plane(tags, camera).and_then(refine);
