@@ -16,8 +16,8 @@ async function open(page: Page, id: string) {
 
 test("the keyboard does all of it", async ({ page, shop }) => {
   const canvas = await open(page, (await smallListing(shop)).id);
-  const first = await canvasPicture(canvas);
   await canvas.focus();
+  const first = await canvasPicture(canvas);
   for (const key of ["ArrowRight", "ArrowDown", "Shift+ArrowLeft", "Shift+ArrowUp", "+", "-"]) {
     const before = await canvasPicture(canvas);
     await page.keyboard.press(key);
@@ -34,8 +34,8 @@ test("the keyboard does all of it", async ({ page, shop }) => {
 
 test("opposite steps lead back to the same picture", async ({ page, shop }) => {
   const canvas = await open(page, (await smallListing(shop)).id);
-  const first = await canvasPicture(canvas);
   await canvas.focus();
+  const first = await canvasPicture(canvas);
   for (const key of ["ArrowRight", "ArrowUp", "ArrowLeft", "ArrowDown"]) await page.keyboard.press(key);
   await settled(page, SMALL);
   expect(difference(first, await canvasPicture(canvas))).toBeLessThan(SAME);

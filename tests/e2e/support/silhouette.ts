@@ -24,6 +24,8 @@ const AIR = 1.08;
 /** The viewer's plain backdrop, and how far a colour must be from it to be the product's. */
 const BACKDROP: Point = [0xee, 0xf1, 0xee];
 const DIFFERENT = 24;
+/** The line round the view, which a screenshot of the canvas may touch. */
+const FRAME_PX = 2;
 
 function radians(degrees: number): number {
   return (degrees * Math.PI) / 180;
@@ -36,6 +38,8 @@ export async function canvasPicture(canvas: Locator): Promise<PNG> {
 export function canvasMask({ width, height, data }: PNG): Mask {
   const inside = new Uint8Array(width * height);
   for (let i = 0; i < inside.length; i++) {
+    const [x, y] = [i % width, Math.floor(i / width)];
+    if (Math.min(x, y, width - 1 - x, height - 1 - y) < FRAME_PX) continue;
     const off = BACKDROP.map((level, c) => Math.abs((data[i * 4 + c] ?? 0) - level));
     inside[i] = Math.max(...off) > DIFFERENT ? 1 : 0;
   }

@@ -6,20 +6,21 @@ import { texts } from "../texts";
 import { button, h } from "../ui/dom";
 import { input, makeForm, type Notice, select, textarea } from "../ui/form";
 import { messageOf } from "../ui/states";
+import type { Edited } from "./edit";
 
 const t = texts.edit;
 const CURRENCIES = ["EUR", "USD", "GBP", "CHF", "PLN", "SEK", "DKK", "NOK", "CZK", "JPY", "CNY"];
 
-export function detailsForm(product: Product, reload: () => void): HTMLElement {
+export function detailsForm(edited: Edited, reload: () => void): HTMLElement {
+  const { product } = edited;
   const fields = makeFields(product);
-  let { version } = product;
   const conflict = h("div", { class: "conflict", hidden: true });
   const { form } = makeForm([...fields.elements, conflict], texts.common.save, (notice) => send(notice));
 
   async function send(notice: Notice): Promise<void> {
     const edit = fields.read();
     try {
-      version = (await api.edit(product.id, version, edit)).version;
+      edited.version = (await api.edit(product.id, edited.version, edit)).version;
       conflict.hidden = true;
       notice.good(t.saved);
     } catch (error) {
@@ -30,7 +31,7 @@ export function detailsForm(product: Product, reload: () => void): HTMLElement {
 
   function showConflict(theirs: Product, mine: ProductEdit, notice: Notice): void {
     const keepMine = async () => {
-      version = theirs.version;
+      edited.version = theirs.version;
       try {
         await send(notice);
       } catch (error) {

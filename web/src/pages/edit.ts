@@ -1,6 +1,6 @@
 // A listing's details, its status, its model and picture.
 import { ApiError, api } from "../api/client";
-import type { Product, Status, User } from "../api/types";
+import type { Model, Product, Status, User } from "../api/types";
 import { named } from "../format";
 import type { Page, PageContext } from "../page";
 import { texts } from "../texts";
@@ -28,7 +28,14 @@ export const edit: Page = (context) => {
   return { title: texts.siteName, content };
 };
 
+/** A listing being edited: every change made on the page, by its form or beside it, leads to the version the next one names. */
+export interface Edited {
+  readonly product: Product;
+  version: number;
+}
+
 function editor(product: Product, context: PageContext): HTMLElement {
+  const edited: Edited = { product, version: product.version };
   const reload = () => context.go(`/manage/${product.id}`);
   const notice = makeNotice();
   return h(
@@ -40,12 +47,12 @@ function editor(product: Product, context: PageContext): HTMLElement {
     h(
       "div",
       { class: "edit-columns" },
-      detailsForm(product, reload),
+      detailsForm(edited, reload),
       h(
         "div",
         { class: "edit-side" },
         statusBlock(product, context, notice, reload),
-        modelBlock(product, context, notice, reload),
+        modelBlock(edited, context, notice, reload),
       ),
     ),
   );
@@ -94,7 +101,8 @@ function mayActivate(product: Product, user: User | null): boolean {
   return user?.role === "admin" && product.model !== null;
 }
 
-function modelBlock(product: Product, context: PageContext, notice: Notice, reload: () => void): HTMLElement {
+function modelBlock(edited: Edited, context: PageContext, notice: Notice, reload: () => void): HTMLElement {
+  const { product } = edited;
   const file = input(product.model ? t.replaceModel : texts.create.file, {
     type: "file",
     accept: ".asc,.ply,.glb",
@@ -112,26 +120,27 @@ function modelBlock(product: Product, context: PageContext, notice: Notice, relo
     });
   });
   const box = h("section", { class: "panel" }, h("h2", {}, t.modelTitle));
-  if (product.model) box.append(modelView(product, product.model.stream_url, context.signal, notice));
+  if (product.model) box.append(modelView(edited, product.model, context.signal, notice));
   box.append(file.element);
   return box;
 }
 
 /** The 3D view with a button that makes its present picture the listing's; a listing without one gets it at once. */
-function modelView(product: Product, streamUrl: string, signal: AbortSignal, notice: Notice): HTMLElement {
+function modelView(edited: Edited, model: Model, signal: AbortSignal, notice: Notice): HTMLElement {
+  const { product } = edited;
   let viewer: Viewer | null = null;
   const take = () =>
     attempt(notice, async () => {
       const picture = await viewer?.picture();
       if (!picture) throw new ApiError(0, "no_picture", t.pictureFailed);
-      await api.upload(product.id, "poster", picture, "poster.png");
+      edited.version = (await api.upload(product.id, "poster", picture, "poster.png")).version;
       notice.good(t.pictureSaved);
     });
   const frame = viewerFrame({
     title: product.title,
     posterUrl: product.poster_url,
-    streamUrl,
-    streamBytes: product.model?.stream_bytes ?? null,
+    streamUrl: model.stream_url,
+    streamBytes: model.stream_bytes,
     signal,
     onLoaded: (loadedViewer) => {
       viewer = loadedViewer;

@@ -46,7 +46,8 @@ export class Renderer {
     this.#bounds = header;
     this.#isMesh = header.kind === "mesh";
     this.#surface = roughSurface(header);
-    this.#gl.setClearColor(new Color(BACKDROP), 1);
+    // Part of the scene, not of the context: it survives the context's loss.
+    this.#scene.background = new Color(BACKDROP);
     this.#material = this.#makeMaterial(header.hasNormals);
     this.useModel(model);
     this.#scene.add(this.#makeObject());
