@@ -19,6 +19,7 @@ pub mod calibrate;
 pub mod camera;
 pub mod cloud;
 pub mod consistency;
+pub mod depth_to_color;
 pub mod fuse;
 pub mod image;
 pub mod knn;

@@ -3,6 +3,7 @@
 pub mod cli;
 pub mod commands;
 pub mod config;
+pub mod import;
 pub mod output;
 pub mod pictures;
 pub mod pipeline;

@@ -1,6 +1,8 @@
 //! Pictures as bytes: PNG and JPEG in, PNG out. Nothing is believed before it is checked: the announced size is
 //! compared with what the caller expects before a pixel is allocated.
 
+mod palette;
+
 use std::io::Cursor;
 
 use png::{BitDepth, ColorType, Transformations};
@@ -133,6 +135,33 @@ pub fn encode_color(image: &ColorImage) -> Result<Vec<u8>, png::EncodingError> {
 pub fn encode_depth(image: &DepthImage) -> Result<Vec<u8>, png::EncodingError> {
     let bytes: Vec<u8> = image.data.iter().flat_map(|v| v.to_be_bytes()).collect();
     encode(image.width, image.height, ColorType::Grayscale, BitDepth::Sixteen, &bytes)
+}
+
+/// A picture for the web as PNG of at most `most_bytes` where 16 colours can do that: fewer colours until it fits.
+pub fn encode_small(image: &ColorImage, most_bytes: usize) -> Result<Vec<u8>, png::EncodingError> {
+    let mut bytes = Vec::new();
+    for colors in [256, 128, 64, 32, 16] {
+        bytes = encode_palette(image, colors)?;
+        if bytes.len() <= most_bytes {
+            break;
+        }
+    }
+    Ok(bytes)
+}
+
+fn encode_palette(image: &ColorImage, colors: usize) -> Result<Vec<u8>, png::EncodingError> {
+    let (palette, pixels) = palette::reduce(&image.data, colors);
+    let mut out = Vec::new();
+    let mut encoder = png::Encoder::new(&mut out, image.width as u32, image.height as u32);
+    encoder.set_color(ColorType::Indexed);
+    encoder.set_depth(BitDepth::Eight);
+    encoder.set_palette(palette.as_flattened());
+    encoder.set_filter(png::Filter::NoFilter);
+    encoder.set_compression(png::Compression::Balanced);
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(&pixels)?;
+    writer.finish()?;
+    Ok(out)
 }
 
 fn encode(
@@ -312,6 +341,17 @@ mod tests {
         assert_eq!(error, PictureError::NotDepth { found: "8 bits, colour".to_owned() });
         assert!(matches!(decode_depth(b"text", 1, 1, 1.0), Err(PictureError::NotDepth { .. })));
         assert_eq!(decode_color(b"text", 1, 1), Err(PictureError::UnknownFormat));
+    }
+
+    #[test]
+    fn small_pictures_keep_their_look() {
+        let data = (0..64 * 64).map(|i| [(i % 64 * 4) as u8, (i / 64 * 4) as u8, 128]).collect();
+        let image = ColorImage { width: 64, height: 64, data };
+        let bytes = encode_small(&image, 100_000).unwrap();
+        let back = decode_color(&bytes, 64, 64).unwrap();
+        let worst = image.data.as_flattened().iter().zip(back.data.as_flattened()).map(|(a, b)| a.abs_diff(*b)).max();
+        assert!(worst <= Some(16), "{worst:?}");
+        assert!(encode_small(&image, 1500).unwrap().len() < bytes.len());
     }
 
     #[test]

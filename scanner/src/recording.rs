@@ -18,6 +18,7 @@ use reconstruct::recording::{RecordingFile, Rig, ViewEntry, ViewImages};
 
 pub use board::parse as parse_board;
 pub use description::parse as parse_description;
+pub(crate) use description::{check_camera, check_units};
 pub use error::RecordingError;
 pub use writer::{OWNED_NAMES, RecordingWriter};
 

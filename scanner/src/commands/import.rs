@@ -1,12 +1,158 @@
-//! `scan-product import`.
+//! `scan-product import`: recordings and models of other programs.
 
+use std::path::PathBuf;
+
+use anyhow::bail;
+use reconstruct::pose::{self, Pose};
+use serde_json::json;
+
+use crate::cli::DONE;
+use crate::import::{self, ImportError, Kind, Options, model};
+use crate::output::OutputDir;
 use crate::ui::Ui;
+
+const AFTER_HELP: &str = "\
+Examples:
+  scan-product import rgbd_dataset_freiburg1_xyz --out rec      TUM, BOP, 7-Scenes: found out by itself
+  scan-product import photos --out rec --mirrored \\
+      --color-camera 529.2,525.6,328.9,267.5 --depth-camera 594.2,591.0,339.3,242.7 \\
+      --color-from-depth 0.02,-0.0007,-0.0109                   pairs NAME_rgb.png and NAME_depth.png
+  scan-product import model.asc --out out                       a model: .asc, .ply, .pcd or .glb
+
+Poses that come with the data are kept beside as poses.json, for comparison; build does not use them.";
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
-pub struct Args {}
+#[command(after_help = AFTER_HELP)]
+pub struct Args {
+    /// Folder of pictures, or a model file
+    source: PathBuf,
+    /// Folder to write the recording (or the model's files) into
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// What kind of folder it is, where it is not found out by itself
+    #[arg(long)]
+    kind: Option<Kind>,
+    /// Colour camera: fx,fy,cx,cy in pixels
+    #[arg(long, value_name = "FX,FY,CX,CY", value_parser = numbers::<4>, allow_hyphen_values = true)]
+    color_camera: Option<[f64; 4]>,
+    /// Depth camera, where depth is not registered to colour
+    #[arg(long, value_name = "FX,FY,CX,CY", value_parser = numbers::<4>, allow_hyphen_values = true)]
+    depth_camera: Option<[f64; 4]>,
+    /// Distortion of the colour camera
+    #[arg(long, value_name = "K1,K2,P1,P2,K3", value_parser = numbers::<5>, allow_hyphen_values = true)]
+    color_distortion: Option<[f64; 5]>,
+    /// Distortion of the depth camera
+    #[arg(long, value_name = "K1,K2,P1,P2,K3", value_parser = numbers::<5>, allow_hyphen_values = true)]
+    depth_distortion: Option<[f64; 5]>,
+    /// Where the colour camera is: x,y,z in metres, with a rotation vector in radians, or 16 numbers row by row
+    #[arg(long, value_name = "NUMBERS", value_parser = rigid, allow_hyphen_values = true)]
+    color_from_depth: Option<Pose>,
+    /// Depth units in a metre: 1000 for millimetres
+    #[arg(long, value_name = "NUMBER")]
+    units_per_metre: Option<f64>,
+    /// The pictures are stored flipped left-right (Kinect drivers do so)
+    #[arg(long)]
+    mirrored: bool,
+    /// The pictures are one moving stream, or views of a resting camera
+    #[arg(long, value_name = "TRUE|FALSE")]
+    stream: Option<bool>,
+    /// Take every N-th pair of pictures only
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    every: u32,
+}
 
 /// Runs the command.
-pub fn run(_args: &Args, _ui: &Ui) -> anyhow::Result<u8> {
-    anyhow::bail!("not there yet")
+pub fn run(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
+    if args.source.is_file() { run_model(args, ui) } else { run_folder(args, ui) }
+}
+
+fn run_model(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
+    let mesh = model::read(&args.source)?;
+    let out = OutputDir::begin(&args.out, &model::MODEL_NAMES)?;
+    model::write_files(&mesh, &out)?;
+    let name = args.source.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let report = model::report(&mesh, &name);
+    out.write("report.json", format!("{report:#}\n").as_bytes())?;
+    out.commit()?;
+    let (points, triangles) = (mesh.vertices.len(), mesh.triangles.len());
+    let words = format!("{points} points and {triangles} triangles, written to {}", args.out.display());
+    ui.result(&words, &json!({"out": args.out, "points": points, "triangles": triangles}));
+    Ok(DONE)
+}
+
+fn run_folder(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
+    let kind = args.kind.or_else(|| import::detect(&args.source));
+    let Some(kind) = kind else { bail!(ImportError::NotRecognised(args.source.clone())) };
+    let mut source = import::read(kind, &args.source)?;
+    source.is_stream = args.stream.unwrap_or(source.is_stream);
+    let options = Options {
+        color_camera: args.color_camera,
+        depth_camera: args.depth_camera,
+        color_distortion: args.color_distortion,
+        depth_distortion: args.depth_distortion,
+        color_from_depth: args.color_from_depth,
+        units_per_metre: args.units_per_metre,
+        mirrored: args.mirrored,
+        every: args.every as usize,
+    };
+    let stage = ui.stage("Copying pictures", source.frames.len().div_ceil(options.every));
+    let written = import::write(&source, &options, &args.out, || stage.step())?;
+    stage.done();
+    let words = format!(
+        "{} pairs of pictures ({} with poses), written to {}\nNext: scan-product build {} --out out",
+        written.frames,
+        written.poses,
+        args.out.display(),
+        args.out.display()
+    );
+    ui.result(&words, &json!({"out": args.out, "frames": written.frames, "poses": written.poses}));
+    Ok(DONE)
+}
+
+fn list(text: &str) -> Result<Vec<f64>, String> {
+    let number = |word: &str| word.trim().parse().ok().filter(|v: &f64| v.is_finite());
+    let values: Option<Vec<f64>> = text.split(',').map(number).collect();
+    values.ok_or_else(|| format!("{text:?} is not a list of numbers with commas between them"))
+}
+
+fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
+    let values = list(text)?;
+    let count = values.len();
+    values.try_into().map_err(|_values: Vec<f64>| format!("{N} numbers are needed, {count} were given"))
+}
+
+/// `x,y,z`, `x,y,z,rx,ry,rz` or a row-major matrix.
+fn rigid(text: &str) -> Result<Pose, String> {
+    let values = list(text)?;
+    match values.as_slice() {
+        &[x, y, z] => Ok(Pose::translation(x, y, z)),
+        &[x, y, z, a, b, c] => Ok(Pose::new([x, y, z].into(), [a, b, c].into())),
+        rows => <[f64; 16]>::try_from(rows)
+            .ok()
+            .and_then(|rows| pose::from_row_major(&rows))
+            .ok_or_else(|| "give x,y,z, x,y,z,rx,ry,rz or the 16 numbers of a rigid transform".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn transforms_in_three_ways() {
+        assert_eq!(rigid("0.1,-0.2,0.3").unwrap(), Pose::translation(0.1, -0.2, 0.3));
+        let turned = rigid("0,0,0,0,0,1.5707963267948966").unwrap();
+        assert!((turned.rotation.angle() - 1.570_796_326_794_896_6).abs() < 1e-12);
+        assert_eq!(rigid("1,0,0,0,0,1,0,0,0,0,1,0.5,0,0,0,1").unwrap(), Pose::translation(0.0, 0.0, 0.5));
+        assert!(rigid("2,0,0,0,0,1,0,0,0,0,1,0.5,0,0,0,1").is_err());
+        assert!(rigid("1,2").is_err());
+    }
+
+    #[test]
+    fn lists_of_the_right_length() {
+        assert_eq!(numbers::<4>("525, 525,319.5,239.5"), Ok([525.0, 525.0, 319.5, 239.5]));
+        assert!(numbers::<4>("525,525").unwrap_err().contains("4 numbers are needed, 2"));
+        assert!(numbers::<1>("nan").is_err());
+    }
 }

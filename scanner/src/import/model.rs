@@ -1,0 +1,70 @@
+//! Reads a finished model back and writes the outputs of a scan from it; and the files every model consists of.
+
+use std::fs::File;
+use std::io::{BufReader, Read, Seek};
+use std::path::Path;
+
+use reconstruct::mesh::Mesh;
+use reconstruct::model_file::{self, Kind, Limits, asc, glb, ply};
+use reconstruct::poster::{self, PosterConfig};
+use serde_json::{Value, json};
+
+use super::ImportError;
+use crate::output::{OutputDir, OutputError};
+use crate::pictures;
+
+/// The files a built model consists of.
+pub const MODEL_NAMES: [&str; 5] = ["model.asc", "model.ply", "model.glb", "poster.png", "report.json"];
+
+/// Most bytes of a poster: it is the first picture a buyer sees.
+pub const POSTER_BYTES: usize = 100_000;
+
+/// Reads a model by its content, else by its name.
+pub fn read(path: &Path) -> Result<Mesh, ImportError> {
+    let unreadable = |source| ImportError::Unreadable { path: path.to_owned(), source };
+    let mut file = File::open(path).map_err(unreadable)?;
+    let mut start = Vec::new();
+    (&mut file).take(512).read_to_end(&mut start).map_err(unreadable)?;
+    file.rewind().map_err(unreadable)?;
+    let kind = Kind::sniff(&start).or_else(|| Kind::from_name(&path.to_string_lossy()));
+    let kind = kind.ok_or_else(|| ImportError::NotRecognised(path.to_owned()))?;
+    let reader = BufReader::with_capacity(1 << 18, file);
+    let model = |source| ImportError::Model { path: path.to_owned(), source };
+    if kind == Kind::Glb {
+        let mut decode = |bytes: &[u8]| pictures::decode_color_of_any_size(bytes).ok();
+        return glb::read_with_textures(reader, &Limits::default(), &mut decode).map_err(model);
+    }
+    model_file::read(kind, reader, &Limits::default()).map_err(model)
+}
+
+/// Writes `model.asc`, `model.ply`, `model.glb` and `poster.png`.
+pub fn write_files(mesh: &Mesh, out: &OutputDir) -> Result<(), OutputError> {
+    out.write_with("model.asc", |file| asc::write(&mesh.vertices, file))?;
+    out.write_with("model.ply", |file| ply::write(mesh, file))?;
+    out.write_with("model.glb", |file| glb::write(mesh, file))?;
+    let picture = poster::draw(mesh, &PosterConfig::default());
+    let bytes = pictures::encode_small(&picture, POSTER_BYTES)
+        .map_err(|e| OutputError::Io { path: "poster.png".into(), source: std::io::Error::other(e) })?;
+    out.write("poster.png", &bytes)
+}
+
+/// What can be said of a model nobody scanned: its extent along the axes.
+pub fn report(mesh: &Mesh, source: &str) -> Value {
+    let size = mesh.vertices.bounds().map_or([0.0; 3], |(low, high)| {
+        std::array::from_fn(|k| f64::from(high[k]) - f64::from(low[k]))
+    });
+    let [x, y, height] = size;
+    json!({
+        "version": 1,
+        "views": [],
+        "points": mesh.vertices.len(),
+        "triangles": mesh.triangles.len(),
+        "dimensions_m": [x.max(y), x.min(y), height],
+        "dimensions_uncertainty_m": null,
+        "depth_calibration": null,
+        "warnings": [format!("imported from {source}: how it was measured is not known")],
+        "verdict": "acceptable",
+        "timings_ms": {},
+        "software": env!("CARGO_PKG_VERSION"),
+    })
+}
