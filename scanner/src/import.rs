@@ -134,7 +134,12 @@ struct PoseEntry {
 }
 
 /// Writes the recording; `step` is called after every frame.
-pub fn write(source: &Source, options: &Options, out: &Path, step: impl Fn()) -> Result<Written, ImportError> {
+pub fn write(
+    source: &Source,
+    options: &Options,
+    out: &Path,
+    step: impl Fn(),
+) -> Result<Written, ImportError> {
     let frames: Vec<&SourceFrame> = source.frames.iter().step_by(options.every.max(1)).collect();
     let first = frames.first().ok_or(ImportError::NoFrames)?;
     let rig = rig(source, options, first)?;
@@ -150,7 +155,11 @@ pub fn write(source: &Source, options: &Options, out: &Path, step: impl Fn()) ->
         if let Some(pose) = &frame.world_from_camera {
             poses.push(PoseEntry { view: name.clone(), world_from_camera: pose::to_row_major(pose) });
         }
-        if source.is_stream { writer.push_stream_frame(entry) } else { writer.push_view(name, vec![entry]) }
+        if source.is_stream {
+            writer.push_stream_frame(entry)
+        } else {
+            writer.push_view(name, vec![entry])
+        }
         step();
     }
     let written = Written { frames: frames.len(), poses: poses.len() };

@@ -349,7 +349,8 @@ mod tests {
         let image = ColorImage { width: 64, height: 64, data };
         let bytes = encode_small(&image, 100_000).unwrap();
         let back = decode_color(&bytes, 64, 64).unwrap();
-        let worst = image.data.as_flattened().iter().zip(back.data.as_flattened()).map(|(a, b)| a.abs_diff(*b)).max();
+        let worst =
+            image.data.as_flattened().iter().zip(back.data.as_flattened()).map(|(a, b)| a.abs_diff(*b)).max();
         assert!(worst <= Some(16), "{worst:?}");
         assert!(encode_small(&image, 1500).unwrap().len() < bytes.len());
     }

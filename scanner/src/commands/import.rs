@@ -143,7 +143,7 @@ mod tests {
     fn transforms_in_three_ways() {
         assert_eq!(rigid("0.1,-0.2,0.3").unwrap(), Pose::translation(0.1, -0.2, 0.3));
         let turned = rigid("0,0,0,0,0,1.5707963267948966").unwrap();
-        assert!((turned.rotation.angle() - 1.570_796_326_794_896_6).abs() < 1e-12);
+        assert!((turned.rotation.angle() - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
         assert_eq!(rigid("1,0,0,0,0,1,0,0,0,0,1,0.5,0,0,0,1").unwrap(), Pose::translation(0.0, 0.0, 0.5));
         assert!(rigid("2,0,0,0,0,1,0,0,0,0,1,0.5,0,0,0,1").is_err());
         assert!(rigid("1,2").is_err());

@@ -49,7 +49,9 @@ pub enum ImportError {
         what: String,
     },
     /// Nothing to bring in.
-    #[error("no pair of colour and depth pictures was found; check that both lie in the folder and belong together")]
+    #[error(
+        "no pair of colour and depth pictures was found; check that both lie in the folder and belong together"
+    )]
     NoFrames,
     /// One list is longer.
     #[error(

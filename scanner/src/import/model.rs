@@ -50,9 +50,10 @@ pub fn write_files(mesh: &Mesh, out: &OutputDir) -> Result<(), OutputError> {
 
 /// What can be said of a model nobody scanned: its extent along the axes.
 pub fn report(mesh: &Mesh, source: &str) -> Value {
-    let size = mesh.vertices.bounds().map_or([0.0; 3], |(low, high)| {
-        std::array::from_fn(|k| f64::from(high[k]) - f64::from(low[k]))
-    });
+    let size = mesh
+        .vertices
+        .bounds()
+        .map_or([0.0; 3], |(low, high)| std::array::from_fn(|k| f64::from(high[k]) - f64::from(low[k])));
     let [x, y, height] = size;
     json!({
         "version": 1,

@@ -15,8 +15,10 @@ const LOGS: [&str; 2] = ["trajectory.log", "odometry.log"];
 /// Whether pairs can be expected here.
 pub(super) fn is_one(folder: &Path) -> bool {
     let folder = base(folder);
-    let two_folders = sub_folder(&folder, &COLOR_FOLDERS).is_some() && sub_folder(&folder, &["depth"]).is_some();
-    two_folders || pictures(&folder).is_ok_and(|paths| paths.iter().any(|p| name_of(p, &DEPTH_ENDINGS).is_some()))
+    let two_folders =
+        sub_folder(&folder, &COLOR_FOLDERS).is_some() && sub_folder(&folder, &["depth"]).is_some();
+    two_folders
+        || pictures(&folder).is_ok_and(|paths| paths.iter().any(|p| name_of(p, &DEPTH_ENDINGS).is_some()))
 }
 
 /// The folder itself, or its one sub-folder that holds the pictures.
@@ -32,20 +34,18 @@ fn name_of(path: &Path, endings: &[&str]) -> Option<String> {
 
 pub(super) fn read(folder: &Path) -> Result<Source, ImportError> {
     let folder = base(folder);
-    let pairs = match (sub_folder(&folder, &COLOR_FOLDERS), sub_folder(&folder, &["depth"])) {
-        (Some(colors), Some(depths)) => {
-            let named = |folder: &Path| -> Result<Vec<(String, PathBuf)>, ImportError> {
-                Ok(pictures(folder)?.into_iter().map(|path| (stem(&path), path)).collect())
-            };
-            pair(named(&colors)?, named(&depths)?)?
-        }
-        _ => {
-            let all = pictures(&folder)?;
-            let named = |endings: &[&str]| -> Vec<(String, PathBuf)> {
-                all.iter().filter_map(|path| Some((name_of(path, endings)?, path.clone()))).collect()
-            };
-            pair(named(&COLOR_ENDINGS), named(&DEPTH_ENDINGS))?
-        }
+    let two_folders = sub_folder(&folder, &COLOR_FOLDERS).zip(sub_folder(&folder, &["depth"]));
+    let pairs = if let Some((colors, depths)) = two_folders {
+        let named = |folder: &Path| -> Result<Named, ImportError> {
+            Ok(pictures(folder)?.into_iter().map(|path| (stem(&path), path)).collect())
+        };
+        pair(named(&colors)?, named(&depths)?)?
+    } else {
+        let all = pictures(&folder)?;
+        let named = |endings: &[&str]| -> Named {
+            all.iter().filter_map(|path| Some((name_of(path, endings)?, path.clone()))).collect()
+        };
+        pair(named(&COLOR_ENDINGS), named(&DEPTH_ENDINGS))?
     };
     let log = LOGS.iter().map(|name| folder.join(name)).find(|path| path.is_file());
     let poses = log.map_or(Ok(Vec::new()), |path| parse_log(&read_text(&path)?))?;

@@ -35,7 +35,11 @@ fn options() -> Options {
 }
 
 #[track_caller]
-fn imported(kind: Kind, files: &[(&str, Vec<u8>)], options: &Options) -> (Recording, Written, tempfile::TempDir) {
+fn imported(
+    kind: Kind,
+    files: &[(&str, Vec<u8>)],
+    options: &Options,
+) -> (Recording, Written, tempfile::TempDir) {
     let home = folder(files);
     assert_eq!(detect(home.path()), Some(kind));
     let out = tempfile::tempdir().unwrap();
@@ -158,7 +162,12 @@ fn broken_sources_are_refused_with_a_reason() {
     check_refused(Kind::Pairs, &pair, &unit, "units_per_metre is 1");
     let seven = [("frame-000000.color.png", color())];
     check_refused(Kind::SevenScenes, &seven, &options(), "1 colour and 0 depth");
-    check_refused(Kind::Bop, &[("scene_camera.json", b"{\"x\": 3}".to_vec())], &options(), "scene_camera.json");
+    check_refused(
+        Kind::Bop,
+        &[("scene_camera.json", b"{\"x\": 3}".to_vec())],
+        &options(),
+        "scene_camera.json",
+    );
 }
 
 #[test]

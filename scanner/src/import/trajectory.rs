@@ -27,8 +27,9 @@ pub fn parse_tum(text: &str) -> Result<Vec<(f64, Pose)>, ImportError> {
     for (line, content) in content(text) {
         let wrong = || ImportError::text(FILE, line, "expected timestamp tx ty tz qx qy qz qw");
         let values = numbers(content).filter(|values| values.len() == 8).ok_or_else(wrong)?;
-        let rotation = UnitQuaternion::try_new(Quaternion::new(values[7], values[4], values[5], values[6]), 1e-6)
-            .ok_or_else(wrong)?;
+        let rotation =
+            UnitQuaternion::try_new(Quaternion::new(values[7], values[4], values[5], values[6]), 1e-6)
+                .ok_or_else(wrong)?;
         let translation = Translation3::new(values[1], values[2], values[3]);
         if translation.vector.amax() > MAX_REACH_METRES {
             return Err(ImportError::text(FILE, line, "the camera is more than 10 km away"));
@@ -53,7 +54,8 @@ pub fn parse_log(text: &str) -> Result<Vec<(usize, Pose)>, ImportError> {
     for block in lines.chunks(5) {
         let (line, head) = block[0];
         let frame = numbers(head).and_then(|v| v.first().copied()).filter(|v| (0.0..1e9).contains(v));
-        let rows: Option<Vec<f64>> = block[1..].iter().map(|(_, row)| numbers(row)).collect::<Option<Vec<_>>>().map(|r| r.concat());
+        let rows: Option<Vec<f64>> =
+            block[1..].iter().map(|(_, row)| numbers(row)).collect::<Option<Vec<_>>>().map(|r| r.concat());
         let pose = rows.and_then(|rows| rows.try_into().ok()).and_then(rigid);
         match (frame, pose) {
             (Some(frame), Some(pose)) => poses.push((frame as usize, pose)),

@@ -17,8 +17,10 @@ pub fn parse_list(file: &'static str, text: &str) -> Result<Vec<(f64, String)>, 
             let seconds = time.parse::<f64>().ok().filter(|t| (0.0..1e10).contains(t))?;
             Some((seconds, path.trim().to_owned()))
         });
-        let entry = entry.ok_or_else(|| ImportError::text(file, line, "expected a time in seconds and a path"))?;
-        let stays_inside = Path::new(&entry.1).components().all(|c| matches!(c, std::path::Component::Normal(_)));
+        let entry =
+            entry.ok_or_else(|| ImportError::text(file, line, "expected a time in seconds and a path"))?;
+        let stays_inside =
+            Path::new(&entry.1).components().all(|c| matches!(c, std::path::Component::Normal(_)));
         if !stays_inside {
             return Err(ImportError::text(file, line, "the path leaves the folder"));
         }
@@ -35,7 +37,8 @@ pub fn associate<T>(times: &[f64], others: &[(f64, T)]) -> Vec<Option<usize>> {
         let after = others.partition_point(|(t, _)| *t < time);
         let candidates = after.saturating_sub(2)..(after + 2).min(others.len());
         let near = candidates.filter(|&i| !used[i] && (others[i].0 - time).abs() <= MAX_GAP_SECONDS);
-        let found = near.min_by(|&a, &b| (others[a].0 - time).abs().total_cmp(&(others[b].0 - time).abs()))?;
+        let found =
+            near.min_by(|&a, &b| (others[a].0 - time).abs().total_cmp(&(others[b].0 - time).abs()))?;
         used[found] = true;
         Some(found)
     };
@@ -66,7 +69,8 @@ pub(super) fn read(folder: &Path) -> Result<Source, ImportError> {
 
 /// The cameras as the benchmark's pages give them, by the sequence's name; the makers' own default otherwise.
 fn known(folder: &Path) -> Options {
-    let name = folder.canonicalize().unwrap_or_else(|_absent| folder.to_owned()).to_string_lossy().into_owned();
+    let name =
+        folder.canonicalize().unwrap_or_else(|_absent| folder.to_owned()).to_string_lossy().into_owned();
     let (camera, distortion) = if name.contains("freiburg1") {
         ([517.3, 516.5, 318.6, 255.3], [0.2624, -0.9531, -0.0054, 0.0026, 1.1633])
     } else if name.contains("freiburg2") {

@@ -23,14 +23,18 @@ pub(super) fn reduce(pixels: &[[u8; 3]], colors: usize) -> (Vec<[u8; 3]>, Vec<u8
     for pixel in pixels {
         let cell = &mut cells[cell_of(*pixel)];
         cell.count += 1;
-        (0..3).for_each(|k| cell.sum[k] += u64::from(pixel[k]));
+        for (sum, value) in cell.sum.iter_mut().zip(pixel) {
+            *sum += u64::from(*value);
+        }
     }
     cells.retain(|cell| cell.count > 0);
     let boxes = cut(cells, colors.clamp(1, 256));
     let mut number_of_cell = vec![0; CELLS];
     let mut palette = Vec::with_capacity(boxes.len());
     for cells in &boxes {
-        cells.iter().for_each(|cell| number_of_cell[cell.number] = palette.len() as u8);
+        for cell in cells {
+            number_of_cell[cell.number] = palette.len() as u8;
+        }
         let count: u64 = cells.iter().map(|cell| cell.count).sum();
         palette.push(std::array::from_fn(|k| {
             ((cells.iter().map(|cell| cell.sum[k]).sum::<u64>() + count / 2) / count.max(1)) as u8
@@ -47,7 +51,8 @@ fn cell_of([r, g, b]: [u8; 3]) -> usize {
 fn cut(cells: Vec<Cell>, colors: usize) -> Vec<Vec<Cell>> {
     let mut boxes = vec![cells];
     while boxes.len() < colors {
-        let widest = boxes.iter().enumerate().map(|(i, cells)| (urgency(cells), i)).max_by(|a, b| a.0.total_cmp(&b.0));
+        let widest =
+            boxes.iter().enumerate().map(|(i, cells)| (urgency(cells), i)).max_by(|a, b| a.0.total_cmp(&b.0));
         let Some((spread, i)) = widest.filter(|(spread, _)| *spread > 0.0) else { break };
         debug_assert!(spread.is_finite());
         let mut cells = boxes.swap_remove(i);
@@ -95,7 +100,8 @@ mod tests {
 
     #[test]
     fn the_number_of_colours_holds() {
-        let pixels: Vec<[u8; 3]> = (0..5000u32).map(|i| [(i * 7) as u8, (i * 13) as u8, (i / 20) as u8]).collect();
+        let pixels: Vec<[u8; 3]> =
+            (0..5000u32).map(|i| [(i * 7) as u8, (i * 13) as u8, (i / 20) as u8]).collect();
         assert!(reduce(&pixels, 16).0.len() <= 16);
         assert_eq!(reduce(&pixels, 1).0.len(), 1);
         assert_eq!(reduce(&[], 4).1, [0u8; 0]);
