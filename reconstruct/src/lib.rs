@@ -35,6 +35,7 @@ pub mod refine;
 pub mod register;
 pub mod report;
 pub mod segment;
+pub mod segment_free;
 pub mod stream;
 pub mod view;
 pub mod voxel;

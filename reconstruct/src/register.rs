@@ -5,13 +5,17 @@
 
 pub mod extrapolate;
 pub mod fpfh;
+pub mod global;
 pub mod gradient;
 pub mod graph;
 pub mod icp;
 pub mod kernel;
 pub mod keypoints;
+pub mod link;
 pub mod matching;
 pub mod plane;
 pub mod ransac;
 pub mod source_chain;
 pub mod svd;
+pub mod verify;
+pub mod view;

@@ -75,12 +75,12 @@ pub fn support_plane(cloud_in_camera: &PointCloud, config: &PlaneConfig) -> Opti
         return None;
     }
     let mut rng = fastrand::Rng::with_seed(config.seed);
-    let stride = oriented.len().div_ceil(4000);
+    let sparse: Vec<_> = oriented.iter().copied().step_by(oriented.len().div_ceil(4000)).collect();
     let mut best: Option<(usize, Vector3<f64>, f64)> = None;
     for _ in 0..config.iterations {
         let (p, normal) = oriented[rng.usize(0..oriented.len())];
         let offset = normal.dot(&p);
-        let score = on_plane(&oriented, &normal, offset, config).step_by(stride).count();
+        let score = on_plane(&sparse, &normal, offset, config).count();
         if best.as_ref().is_none_or(|b| score > b.0) {
             best = Some((score, normal, offset));
         }

@@ -1,0 +1,138 @@
+//! Whether two views really fit at a relative pose: what both see must agree in place and colour, and neither may have a
+//! surface where the other looked through (free space).
+
+use nalgebra::Point3;
+use rayon::prelude::*;
+
+use super::view::{DepthMap, RegisterView};
+use crate::knn::Tree;
+use crate::pose::Pose;
+
+/// Agreement of two views, both ways. Shares 0 to 1.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Agreement {
+    /// Share of the smaller view's points that lie on the other's surface.
+    pub overlap: f64,
+    /// Of the points that fall where the other view measured, the share that lies in front of what it saw.
+    pub in_free_space: f64,
+    /// Of the points that lie on the other's surface, the share with its colour.
+    pub same_color: f64,
+    /// Points on the other's surface with its colour.
+    pub points: usize,
+}
+
+impl Agreement {
+    /// One number to compare candidates: share of points that agree in place and colour, less what stands in free space.
+    pub fn score(&self) -> f64 {
+        self.overlap * self.same_color - self.in_free_space
+    }
+}
+
+/// Largest difference of a channel (0 to 255) between views of one spot.
+const COLOR_TOLERANCE: u8 = 38;
+/// Cells (at the view's distance) within which two surfaces are one, and beyond which one is in the other's free space.
+const ON_SURFACE: f32 = 1.5;
+const IN_FRONT: f32 = 4.0;
+/// Every how many-th pixel is looked at, along both axes.
+const STEP: usize = 3;
+
+#[derive(Default, Clone, Copy)]
+struct Counts {
+    all: usize,
+    seen: usize,
+    on_surface: usize,
+    same_color: usize,
+    in_front: usize,
+}
+
+/// Agreement of two views at `target_from_source`.
+pub fn agreement(source: &RegisterView, target: &RegisterView, target_from_source: &Pose) -> Agreement {
+    let there = one_way(source, target, target_from_source);
+    let back = one_way(target, source, &target_from_source.inverse());
+    let share = |part: usize, all: usize| part as f64 / all.max(1) as f64;
+    let overlap = share(there.on_surface, there.all).max(share(back.on_surface, back.all));
+    Agreement {
+        overlap,
+        in_free_space: share(there.in_front + back.in_front, there.seen + back.seen),
+        same_color: share(there.same_color + back.same_color, there.on_surface + back.on_surface),
+        points: there.same_color + back.same_color,
+    }
+}
+
+fn one_way(source: &RegisterView, target: &RegisterView, pose: &Pose) -> Counts {
+    match (&source.depth, &target.depth) {
+        (Some(from), Some(to)) => by_projection(from, to, source, pose),
+        _ => by_neighbours(source, target, pose),
+    }
+}
+
+fn by_projection(from: &DepthMap, to: &DepthMap, view: &RegisterView, pose: &Pose) -> Counts {
+    let rows: Vec<Counts> = (0..from.height.div_ceil(STEP))
+        .into_par_iter()
+        .map(|row| {
+            let mut counts = Counts::default();
+            for u in (0..from.width).step_by(STEP) {
+                let i = row * STEP * from.width + u;
+                let p = from.points[i];
+                if !(p[2] > 0.0 && p[2] < 2.0 * view.distance) {
+                    continue;
+                }
+                counts.all += 1;
+                let p = pose * Point3::from(p.map(f64::from));
+                let Some(pixel) = to.pixel_of(&p) else { continue };
+                let measured = to.points[pixel][2];
+                if !measured.is_finite() {
+                    continue;
+                }
+                counts.seen += 1;
+                let z = p.z as f32;
+                // Noise and steps of the sensor grow with z².
+                let unit = view.cell * (measured / view.distance).powi(2).max(1.0);
+                if (z - measured).abs() <= ON_SURFACE * unit {
+                    counts.on_surface += 1;
+                    counts.same_color += usize::from(alike(from.colors[i], to.colors[pixel]));
+                } else if z < measured - IN_FRONT * unit && surrounded(to, pixel, z + IN_FRONT * unit) {
+                    counts.in_front += 1;
+                }
+            }
+            counts
+        })
+        .collect();
+    rows.iter().fold(Counts::default(), |a, b| Counts {
+        all: a.all + b.all,
+        seen: a.seen + b.seen,
+        on_surface: a.on_surface + b.on_surface,
+        same_color: a.same_color + b.same_color,
+        in_front: a.in_front + b.in_front,
+    })
+}
+
+/// Whether all measured pixels around are farther than `z`: at edges a pixel of offset is no contradiction.
+fn surrounded(map: &DepthMap, pixel: usize, z: f32) -> bool {
+    let (u, v) = (pixel % map.width, pixel / map.width);
+    (v.saturating_sub(2)..(v + 3).min(map.height)).all(|y| {
+        (u.saturating_sub(2)..(u + 3).min(map.width)).all(|x| {
+            let other = map.points[y * map.width + x][2];
+            other.is_nan() || other > z
+        })
+    })
+}
+
+fn alike(a: [u8; 3], b: [u8; 3]) -> bool {
+    a.iter().zip(&b).all(|(x, y)| x.abs_diff(*y) <= COLOR_TOLERANCE)
+}
+
+/// Without a depth map free space is unknown; nearness and colour are left.
+fn by_neighbours(source: &RegisterView, target: &RegisterView, pose: &Pose) -> Counts {
+    let moved = source.coarse.transformed(pose);
+    let tree = Tree::new(&target.fine.points);
+    let colors = moved.has_colors() && target.fine.has_colors();
+    let mut counts = Counts { all: moved.len(), seen: moved.len(), ..Counts::default() };
+    for (i, p) in moved.points.iter().enumerate() {
+        let Some(found) = tree.nearest_within(p, ON_SURFACE * source.cell) else { continue };
+        counts.on_surface += 1;
+        let same = !colors || alike(moved.colors[i], target.fine.colors[found.index]);
+        counts.same_color += usize::from(same);
+    }
+    counts
+}
