@@ -3,6 +3,8 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use crate::register::source_chain::SourceReport;
+
 /// `report.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Report {
@@ -32,7 +34,7 @@ pub struct Report {
     pub software: String,
     /// What every stage of the source's own chain did; only with `--method source`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub source_chain: Option<Value>,
+    pub source_chain: Option<SourceReport>,
 }
 
 /// The scan in one word.

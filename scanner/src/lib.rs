@@ -8,5 +8,6 @@ pub mod output;
 pub mod pictures;
 pub mod pipeline;
 pub mod recording;
+pub mod result;
 pub mod simulate;
 pub mod ui;

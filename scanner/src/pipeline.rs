@@ -10,13 +10,14 @@ pub mod load;
 pub mod markers;
 pub mod outcome;
 pub mod source;
+pub mod source_chain;
 pub mod stages;
 
 use reconstruct::cloud::PointCloud;
 use reconstruct::fuse;
 use reconstruct::report::Report;
 
-use crate::config::Config;
+use crate::config::{Config, Method};
 use crate::recording::RecordingError;
 use crate::ui::Ui;
 pub use source::ViewSource;
@@ -41,10 +42,20 @@ pub fn build(source: &dyn ViewSource, config: &Config, ui: &Ui) -> Result<Scan, 
     let mut scan =
         stages.try_run("load", source.view_count(), |stage| load::load_and_average(source, config, stage))?;
     stages.run("markers", |_| markers::place_on_board(&mut scan, source.board(), config));
-    stages.run("calibrate", |_| depth::calibrate(&mut scan));
+    if config.method == Method::Joint {
+        stages.run("calibrate", |_| depth::calibrate(&mut scan));
+    }
     stages.run("cut", |_| cut::cut_background(&mut scan, config));
-    stages.run("align", |_| align::refine_together(&mut scan, config));
-    let cloud = stages.run("fuse", |_| fuse::fuse(&scan.placed_views(), &config.fuse));
-    let (cloud, report) = outcome::judge(&scan, cloud, stages.timings());
+    let (cloud, source_report) = match config.method {
+        Method::Joint => {
+            stages.run("align", |_| align::refine_together(&mut scan, config));
+            (stages.run("fuse", |_| fuse::fuse(&scan.placed_views(), &config.fuse)), None)
+        }
+        Method::Source => {
+            stages.run("source chain", |_| source_chain::register_as_the_source(&mut scan, config.seed))
+        }
+    };
+    let (cloud, mut report) = outcome::judge(&scan, cloud, stages.timings());
+    report.source_chain = source_report;
     Ok(Scan { cloud, report })
 }

@@ -1,20 +1,35 @@
-//! `scan-product build`.
+//! `scan-product build`: a recording becomes a model.
 
+use std::fmt::Write as _;
 use std::path::PathBuf;
+
+use reconstruct::mesh::Mesh;
+use reconstruct::register::source_chain::SourceReport;
+use reconstruct::report::{Report, Verdict};
+use serde_json::json;
 
 use crate::cli::{DONE, NO_GOOD_SCAN};
 use crate::config::{Config, Method};
 use crate::pipeline;
 use crate::recording::Recording;
+use crate::result;
 use crate::ui::Ui;
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Writes model.asc (millimetres), model.ply and model.glb (metres), poster.png and report.json.
+With exit status 1 only report.json is written: it says which views could not be used, why, and what to do.
+
+Examples:
+  scan-product build rec --out out
+  scan-product build rec --out out --method source    the source document's own chain, with its tables
+  scan-product build stream --out out --no-board      placed by the surfaces alone")]
 pub struct Args {
     /// Folder of the recording: recording.json, its pictures, and board.json
     pub recording: PathBuf,
-    /// Folder for the result
-    #[arg(short, long)]
+    /// Folder for the result; older results in it are replaced
+    #[arg(short, long, value_name = "DIR")]
     pub out: PathBuf,
     /// How the views are brought together
     #[arg(long, value_enum, default_value_t)]
@@ -23,25 +38,91 @@ pub struct Args {
     #[arg(long)]
     pub no_board: bool,
     /// Seed of every random choice: the same seed gives the same bytes
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
 }
 
-/// Runs the command.
+/// Builds and writes; the exit status says whether there is a model.
 pub fn run(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
     let recording = Recording::open(&args.recording)?;
+    if recording.board().is_none() && !args.no_board {
+        ui.note("no board.json lies beside recording.json: the views are placed by their surfaces, as with --no-board");
+    }
     let config =
         Config { method: args.method, no_board: args.no_board, seed: args.seed, ..Config::default() };
     let scan = pipeline::build(&recording, &config, ui)?;
-    std::fs::create_dir_all(&args.out)?;
-    let mut ply = format!("ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\nproperty float nx\nproperty float ny\nproperty float nz\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n", scan.cloud.len()).into_bytes();
-    for i in 0..scan.cloud.len() {
-        for v in scan.cloud.points[i].iter().chain(&scan.cloud.normals[i]) {
-            ply.extend(v.to_le_bytes());
-        }
-        ply.extend(scan.cloud.colors[i]);
+    let mesh = Mesh { vertices: scan.cloud, triangles: Vec::new() };
+    let writing = ui.stage("write", 1);
+    result::write(&args.out, &mesh, &scan.report)?;
+    writing.done();
+    for warning in &scan.report.warnings {
+        ui.warn(warning);
     }
-    std::fs::write(args.out.join("model.ply"), ply)?;
-    std::fs::write(args.out.join("report.json"), serde_json::to_string_pretty(&scan.report)?)?;
-    Ok(if scan.cloud.is_empty() { NO_GOOD_SCAN } else { DONE })
+    let machine = json!({"out": args.out, "report": scan.report});
+    ui.result(&words(&scan.report, &args.out.display().to_string()), &machine);
+    Ok(if mesh.vertices.is_empty() { NO_GOOD_SCAN } else { DONE })
+}
+
+/// The result in words.
+fn words(report: &Report, out: &str) -> String {
+    let used = report.views.iter().filter(|v| v.used).count();
+    let mut text = String::new();
+    if let Some(chain) = &report.source_chain {
+        text.push_str(&source_tables(chain));
+    }
+    if report.points == 0 {
+        let _ = writeln!(text, "No model: {}.", report.verdict_reason);
+        for view in report.views.iter().filter(|v| v.reason.is_some()) {
+            let _ = writeln!(text, "  view {}: {}", view.name, view.reason.as_deref().unwrap_or_default());
+        }
+        let _ = write!(text, "{out}/report.json says the same.");
+        return text;
+    }
+    let _ = writeln!(text, "{} points from {used} of {} views, in {out}", report.points, report.views.len());
+    if let (Some(size), Some(off)) = (report.dimensions_m, report.dimensions_uncertainty_m) {
+        let mm = |i: usize| format!("{:.1} ± {:.1}", size[i] * 1000.0, off[i] * 1000.0);
+        let _ = writeln!(text, "length {} mm, width {} mm, height {} mm (95 %)", mm(0), mm(1), mm(2));
+    }
+    let verdict = match report.verdict {
+        Verdict::Good => "good",
+        Verdict::Acceptable => "acceptable",
+        Verdict::Poor => "poor",
+    };
+    let _ = write!(text, "scan quality: {verdict} ({})", report.verdict_reason);
+    text
+}
+
+/// The source document's tables (slides 31 to 33) for this scan.
+fn source_tables(chain: &SourceReport) -> String {
+    let mut text = String::from(
+        "view   points  model   down-sampled     key points   matches  RANSAC inliers  ICP iterations  ICP error mm\n",
+    );
+    let _ = writeln!(text, "first  {:>6}", chain.points_first_view);
+    for pair in &chain.pairs {
+        let _ = write!(
+            text,
+            "{:<6} {:>6} {:>7} {:>7}/{:<7} {:>5}/{:<6} {:>7} {:>8} of {:<7} {:>8} {:>17.2}",
+            pair.view,
+            pair.points,
+            pair.model_points,
+            pair.points_down_sampled,
+            pair.model_points_down_sampled,
+            pair.key_points,
+            pair.model_key_points,
+            pair.matches,
+            pair.ransac_inliers,
+            pair.matches,
+            pair.icp_iterations,
+            pair.icp_rmse_metres * 1000.0
+        );
+        let _ = writeln!(text, "{}", pair.failure.as_ref().map(|f| format!("  {f}")).unwrap_or_default());
+    }
+    let worst = chain.worst_icp_rmse_metres().map_or("none".to_owned(), |e| format!("{:.2} mm", e * 1000.0));
+    let _ = writeln!(
+        text,
+        "model: {} points; {} ICP iterations in all; largest minimised error: {worst}",
+        chain.points_model,
+        chain.icp_iterations()
+    );
+    text
 }
