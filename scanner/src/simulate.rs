@@ -292,3 +292,109 @@ fn rig(spec: &ScanSpec) -> Rig {
         Pose::new(Vector3::new(0.0251, -0.0006, -0.0024), Vector3::new(0.006, -0.009, 0.003));
     Rig { color, depth, color_from_depth }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn small(product: Kind) -> ScanSpec {
+        ScanSpec { views: 2, frames: 2, ..ScanSpec::new(product, 5) }
+    }
+
+    #[test]
+    fn the_same_seed_gives_the_same_bytes_whatever_the_threads() {
+        let spec = ScanSpec { hide_board: 0.5, ..small(Kind::Basket) };
+        let with = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| scan(&spec).unwrap())
+        };
+        let (one, three) = (with(1), with(3));
+        assert_eq!(one.views, three.views);
+        assert_eq!(one.truth.mesh, three.truth.mesh);
+        let other = scan(&ScanSpec { seed: 6, ..spec }).unwrap();
+        assert_ne!(one.views[0].depths[0], other.views[0].depths[0]);
+    }
+
+    #[test]
+    fn the_truth_is_what_the_camera_sees() {
+        for kind in Kind::ALL {
+            let spec = small(kind);
+            let simulator = Simulator::new(&spec).unwrap();
+            let truth = simulator.truth();
+            let scene =
+                Scene::new(&simulator.product, &simulator.mesh, &simulator.world_from_product, None, &[], 1);
+            let hits = Hits::draw(&scene, &simulator.rig.color, &truth.world_from_camera[1], SUPERSAMPLE);
+            let (mut agree, mut nearer, mut farther) = (0, 0, 0);
+            let eye = truth.world_from_camera[1].translation.vector.cast::<f32>();
+            for (p, n) in truth.mesh.vertices.points.iter().zip(&truth.mesh.vertices.normals) {
+                let to_eye = (eye - Vector3::from(*p)).normalize();
+                if Vector3::from(*n).dot(&to_eye) < 0.3 {
+                    continue;
+                }
+                let q = truth.world_from_camera[1].inverse() * Point3::from(*p).cast::<f64>();
+                let pixel = simulator.rig.color.project(&q).unwrap();
+                match hits.at(pixel.x, pixel.y).map(|hit| hit.depth - q.z) {
+                    Some(gap) if gap.abs() < 0.0015 => agree += 1,
+                    Some(gap) if gap < 0.0 => nearer += 1,
+                    _ => farther += 1,
+                }
+            }
+            // What faces the camera is seen or hidden by something nearer, but for a few places at outlines.
+            assert!(farther * 100 < agree && agree > nearer, "{kind}: {agree} {nearer} {farther}");
+        }
+    }
+
+    #[test]
+    fn a_knock_moves_the_product_by_twelve_millimetres_and_six_degrees() {
+        let simulator = Simulator::new(&ScanSpec { knock: Some(1), ..small(Kind::Mug) }).unwrap();
+        let (still, knocked) = (simulator.product_pose(0), simulator.product_pose(1));
+        let slide = (knocked.translation.vector - still.translation.vector).norm();
+        assert!((slide - 0.012).abs() < 1e-9);
+        assert!((knocked.rotation.angle_to(&still.rotation).to_degrees() - 6.0).abs() < 1e-6);
+        assert_eq!(simulator.truth().knocked, Some(1));
+    }
+
+    #[test]
+    fn products_stand_in_the_middle_of_every_board() {
+        for (k, kind) in Kind::ALL.into_iter().enumerate() {
+            for paper in [Paper::A4, Paper::A3, Paper::A2] {
+                let board = ring(paper, reconstruct::board::Family::Aruco4x4_50);
+                let [x, y] = board.inner_region_m[2].map(|v| v as f32);
+                let spec = ScanSpec { board, seed: k as u64, ..small(kind) };
+                let (low, high) = Simulator::new(&spec).unwrap().truth().mesh.vertices.bounds().unwrap();
+                assert!(
+                    low[0] > -x && high[0] < x && low[1] > -y && high[1] < y,
+                    "{kind} {paper:?} {low:?} {high:?}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn the_mock_device_delivers_the_frames_of_a_view() {
+        let simulator = Simulator::new(&small(Kind::Bowl)).unwrap();
+        let view = simulator.view(1);
+        let frames: Vec<Frame> = MockDevice::at(&simulator, 1).take(2).collect();
+        for (frame, depth) in frames.iter().zip(&view.depths) {
+            assert_eq!((&frame.color, &frame.depth), (&view.color, depth));
+        }
+        assert!(frames[0].timestamp_nanos < frames[1].timestamp_nanos);
+    }
+
+    #[test]
+    fn nonsense_is_refused() {
+        for spec in [
+            ScanSpec { views: 0, ..small(Kind::Mug) },
+            ScanSpec { elevations_deg: Vec::new(), ..small(Kind::Mug) },
+            ScanSpec { scale_error: f64::NAN, ..small(Kind::Mug) },
+            ScanSpec { knock: Some(2), ..small(Kind::Mug) },
+            ScanSpec { board: KnownBoard { tags: Vec::new(), ..small(Kind::Mug).board }, ..small(Kind::Mug) },
+            ScanSpec {
+                board: KnownBoard { inner_region_m: Vec::new(), ..small(Kind::Mug).board },
+                ..small(Kind::Mug)
+            },
+        ] {
+            assert!(scan(&spec).is_err());
+        }
+    }
+}

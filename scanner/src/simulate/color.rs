@@ -20,6 +20,9 @@ const SHADOW_REACH: f64 = 0.62;
 /// A surface this much behind the shadow map's is in shadow, metres.
 const SHADOW_BIAS: f64 = 0.005;
 
+/// Where around a point the shadow map is asked, pixels: the lamp has a size.
+const SHADOW_TAPS: [(f64, f64); 5] = [(0.0, 0.0), (2.2, 0.7), (-0.7, 2.2), (-2.2, -0.7), (0.7, -2.2)];
+
 /// How a picture comes out.
 #[derive(Debug, Clone, Copy)]
 pub struct Exposure {
@@ -72,11 +75,10 @@ impl Lamp {
         let q = self.shadows.world_from_camera.inverse_transform_point(p);
         let c = &self.shadows.camera;
         let (u, v) = (c.fx * q.x / q.z + c.cx, c.fy * q.y / q.z + c.cy);
-        const TAPS: [(f64, f64); 5] = [(0.0, 0.0), (2.2, 0.7), (-0.7, 2.2), (-2.2, -0.7), (0.7, -2.2)];
-        let free = TAPS.iter().filter(|(du, dv)| {
+        let free = SHADOW_TAPS.iter().filter(|(du, dv)| {
             self.shadows.at(u + du, v + dv).is_none_or(|hit| hit.depth > q.z - SHADOW_BIAS)
         });
-        free.count() as f32 / TAPS.len() as f32
+        free.count() as f32 / SHADOW_TAPS.len() as f32
     }
 }
 

@@ -209,3 +209,102 @@ fn material_dropout(scene: &Scene, facet: &Facet, p: &nalgebra::Point3<f64>, cos
     let mirror = 0.6 * scene.gloss(facet.object, p) * ((cos - 0.990) / 0.008).clamp(0.0, 1.0);
     dark.max(mirror) + 0.002
 }
+
+#[cfg(test)]
+mod tests {
+    use reconstruct::pose::Pose;
+
+    use super::*;
+    use crate::simulate::scene::Object;
+
+    /// A wall across the view, turned by 3 degrees so that it meets all phases of the disparity steps.
+    fn wall(z: f32) -> Scene<'static> {
+        let (tilt, half) = (3.0f32.to_radians().tan(), 2.0);
+        let vertices = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+            .map(|[x, y]: [f32; 2]| [x * half, y * half, z + tilt * x * half]);
+        let normal = Vector3::new(tilt, 0.0, -1.0).normalize().into();
+        Scene::of_objects(vec![Object {
+            vertices: vertices.to_vec(),
+            triangles: vec![[0, 2, 1], [0, 3, 2]],
+            normals: vec![normal; 2],
+            material: Material::Table,
+        }])
+    }
+
+    fn sensor(noise: NoiseLevel) -> DepthSensor {
+        let camera = Intrinsics::pinhole(320, 240, 525.0, 525.0, 159.5, 119.5);
+        DepthSensor { camera, noise, warp_px: Vec::new(), scale_error: 0.0 }
+    }
+
+    /// Depth values of every pixel over the frames, beside the true depth; metres.
+    fn measure(sensor: &DepthSensor, z: f32, frames: usize) -> Vec<(f64, Vec<f64>)> {
+        let scene = wall(z);
+        let hits = Hits::draw(&scene, &sensor.camera, &Pose::identity(), 2);
+        let truth = true_depth(&hits);
+        let view = DepthView::new(&scene, &hits, sensor, 7);
+        let images: Vec<DepthImage> = (0..frames).map(|k| view.frame(k)).collect();
+        let values = |i: usize| images.iter().map(|d| f64::from(d.data[i]) / 1000.0).collect::<Vec<_>>();
+        let all = truth.iter().enumerate().map(|(i, &t)| (f64::from(t), values(i)));
+        all.filter(|(_, values)| values.iter().all(|&v| v > 0.0)).collect()
+    }
+
+    fn rms(errors: impl Iterator<Item = f64>) -> f64 {
+        let (sum, count) = errors.fold((0.0, 0.0), |(s, n), e| (s + e * e, n + 1.0));
+        (sum / count as f64).sqrt()
+    }
+
+    #[test]
+    fn a_plane_has_the_noise_of_the_model() {
+        for noise in [NoiseLevel::Low, NoiseLevel::High] {
+            for z in [0.6f32, 0.8, 1.0] {
+                let pixels = measure(&sensor(noise), z, 4);
+                assert!(pixels.len() > 60_000, "{}", pixels.len());
+                let found = rms(pixels.iter().flat_map(|(t, values)| values.iter().map(move |v| v - t)));
+                // Whole millimetres add their own 0.29 mm.
+                let expected = noise.sigma_z(f64::from(z), 0.05).hypot(0.001 / 12f64.sqrt());
+                assert!((found / expected - 1.0).abs() < 0.07, "{noise:?} {z} m: {found} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn averaging_helps_until_the_frozen_part_and_beats_the_median() {
+        let pixels = measure(&sensor(NoiseLevel::Low), 0.8, 15);
+        let mean = |values: &[f64]| values.len() as f64 / values.iter().map(|v| 1.0 / v).sum::<f64>();
+        let median = |values: &[f64]| {
+            let mut sorted = values.to_vec();
+            sorted.sort_by(f64::total_cmp);
+            sorted[sorted.len() / 2]
+        };
+        let one = rms(pixels.iter().map(|(t, v)| v[0] - t));
+        let of_mean = rms(pixels.iter().map(|(t, v)| mean(v) - t));
+        let of_median = rms(pixels.iter().map(|(t, v)| median(v) - t));
+        assert!(of_mean < of_median && of_median < one, "{of_mean} {of_median} {one}");
+        // Half of the variance is frozen: averages stop at 0.71 of one frame's error.
+        assert!((0.6..0.85).contains(&(of_mean / one)), "{of_mean} {one}");
+    }
+
+    #[test]
+    fn scale_error_and_warp_do_what_they_say() {
+        let mut sensor = sensor(NoiseLevel::Low);
+        sensor.scale_error = 0.02;
+        let ratio = |pixels: &[(f64, Vec<f64>)]| {
+            pixels.iter().map(|(t, v)| v[0] / t).sum::<f64>() / pixels.len() as f64
+        };
+        let scaled = ratio(&measure(&sensor, 0.8, 1));
+        assert!((scaled - 1.02).abs() < 2e-4, "{scaled}");
+        sensor.scale_error = 0.0;
+        sensor.warp_px = vec![0.2; 320 * 240];
+        let warped = ratio(&measure(&sensor, 0.8, 1));
+        let disparity = 525.0 * BASELINE / 0.8;
+        assert!((warped - disparity / (disparity + 0.2)).abs() < 4e-4, "{warped}");
+    }
+
+    #[test]
+    fn values_are_whole_millimetres_of_eighth_pixels() {
+        for (_, values) in measure(&sensor(NoiseLevel::High), 0.9, 1).iter().step_by(97) {
+            let steps = (8.0 * 525.0 * BASELINE / values[0]).round();
+            assert_eq!((8.0 * 525.0 * BASELINE / steps * 1000.0).round(), (values[0] * 1000.0).round());
+        }
+    }
+}

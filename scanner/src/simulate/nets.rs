@@ -11,6 +11,8 @@ use super::sdf::Vec3;
 
 /// Cells along a block's side.
 const BLOCK: usize = 8;
+/// Corners along a block's side.
+const SIDE: usize = BLOCK + 1;
 /// How much steeper than 1 a distance may be before a block is skipped wrongly.
 const STEEPNESS: f32 = 1.5;
 
@@ -71,7 +73,6 @@ fn block_net(distance: &(dyn Fn(Vec3) -> f32 + Sync), grid: &Grid, block: [usize
     if distance(centre).abs() > STEEPNESS * (half * 1.733 + grid.cell) {
         return None;
     }
-    const SIDE: usize = BLOCK + 1;
     let at = |x: usize, y: usize, z: usize| (z * SIDE + y) * SIDE + x;
     let mut values = vec![0.0f32; SIDE * SIDE * SIDE];
     for z in 0..SIDE {

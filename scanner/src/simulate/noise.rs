@@ -66,7 +66,9 @@ pub fn correlated(width: usize, height: usize, sigma: f32, seed: u64) -> Vec<f32
     let mut taps = gaussian_taps(sigma);
     // Unit energy, not unit sum: the variance of white noise passes through unchanged.
     let energy = taps.iter().map(|t| t * t).sum::<f32>().sqrt();
-    taps.iter_mut().for_each(|t| *t /= energy);
+    for tap in &mut taps {
+        *tap /= energy;
+    }
     let reach = taps.len() / 2;
     let (wide, tall) = (width + 2 * reach, height + 2 * reach);
     let field = white(wide, tall, seed);

@@ -164,7 +164,9 @@ fn vertex_normals(vertices: &[Vec3], triangles: &[[u32; 3]]) -> Vec<[f32; 3]> {
     for t in triangles {
         let [a, b, c] = t.map(|i| Point3::from(vertices[i as usize]));
         let normal = (b - a).cross(&(c - a));
-        t.iter().for_each(|&i| sums[i as usize] += normal);
+        for &i in t {
+            sums[i as usize] += normal;
+        }
     }
     sums.iter().map(|n| n.try_normalize(1e-20).unwrap_or_else(Vector3::z).into()).collect()
 }
@@ -176,15 +178,19 @@ mod tests {
     use super::*;
 
     /// Every edge once in each direction: closed, manifold along edges, one orientation.
-    fn check_closed(mesh: &Mesh) {
+    fn check_closed(kind: Kind, mesh: &Mesh) {
         let mut edges = HashMap::new();
         for t in &mesh.triangles {
             for k in 0..3 {
                 *edges.entry((t[k], t[(k + 1) % 3])).or_insert(0) += 1;
             }
         }
-        assert!(edges.values().all(|&n| n == 1), "an edge is used twice in one direction");
-        assert!(edges.keys().all(|&(a, b)| edges.contains_key(&(b, a))), "an edge is open");
+        let place = |i: u32| mesh.vertices.points[i as usize];
+        let twice: Vec<_> = edges.iter().filter(|(_, n)| **n != 1).map(|(e, _)| place(e.0)).collect();
+        assert!(twice.is_empty(), "{kind}: edges used twice in one direction at {twice:?}");
+        let open: Vec<_> =
+            edges.keys().filter(|(a, b)| !edges.contains_key(&(*b, *a))).map(|e| place(e.0)).collect();
+        assert!(open.is_empty(), "{kind}: open edges at {open:?}");
     }
 
     fn volume(mesh: &Mesh) -> f64 {
@@ -195,9 +201,9 @@ mod tests {
     #[test]
     fn every_product_is_a_closed_solid_on_the_board() {
         for kind in Kind::ALL {
-            for seed in [1, 2] {
+            for seed in 1..=4 {
                 let mesh = Product::new(kind, seed).mesh();
-                check_closed(&mesh);
+                check_closed(kind, &mesh);
                 assert!(volume(&mesh) > 1e-5, "{kind}: the inside is outside");
                 let (low, high) = mesh.vertices.bounds().unwrap();
                 assert!(low[2].abs() < 2e-4, "{kind} stands at {}", low[2]);

@@ -146,8 +146,8 @@ fn sheet_object(sheet: &Sheet) -> Object {
 fn wood(p: Vec3, seed: u32) -> Rgb {
     let plank = (p.y / 0.14).floor();
     let tone = noise(Vec3::new(plank * 7.3, 0.5, 0.5), seed);
-    let grain = clouds(Vec3::new(p.x * 5.0 + plank * 3.7, p.y * 90.0, 0.0), seed ^ 11);
-    let knot = clouds(p * 9.0, seed ^ 12);
+    let grain = clouds(Vec3::new(p.x * 5.0 + plank * 3.7, p.y * 90.0, 0.0), seed ^ 0x11);
+    let knot = clouds(p * 9.0, seed ^ 0x12);
     let base = hue(0.065 + 0.03 * noise(Vec3::repeat(0.3), seed), 0.5, 0.62);
     let seam = (p.y / 0.14 - plank) < 0.012;
     scale(
@@ -169,12 +169,12 @@ fn room_color(p: Vec3, seed: u32) -> Rgb {
     if (0.12..0.62).contains(&u) && (0.22..0.68).contains(&v) {
         let frame = !(0.15..0.59).contains(&u) || !(0.25..0.65).contains(&v);
         let panel = (along / 0.9).floor() as i32;
-        let paint = clouds(Vec3::new(u * 9.0, v * 9.0, panel as f32 * 3.1), seed ^ 21);
+        let paint = clouds(Vec3::new(u * 9.0, v * 9.0, panel as f32 * 3.1), seed ^ 0x21);
         return if frame { [0.25, 0.2, 0.16] } else { hue(paint * 1.6, 0.55, 0.4 + 0.5 * paint) };
     }
     if (-0.45..-0.15).contains(&v) {
         let spine = bars((along / 0.035).floor() + 0.5, seed);
-        let tone = noise(Vec3::new((along / 0.035).floor() * 1.7, 0.2, 0.9), seed ^ 31);
+        let tone = noise(Vec3::new((along / 0.035).floor() * 1.7, 0.2, 0.9), seed ^ 0x31);
         let gap = stripe(along, 0.035, 0.08) || v > -0.2 - 0.06 * tone;
         return if gap {
             [0.22, 0.2, 0.19]

@@ -66,9 +66,8 @@ impl Surface {
             .fold(0.0, f32::max);
         let mut best = FARTHEST * FARTHEST;
         for ring in 0..=(FARTHEST / CELL) as usize + 1 {
-            let reach =
-                if outside > 0.0 { outside + (ring as f32 - 1.0) * CELL } else { (ring as f32 - 1.0) * CELL };
-            if ring > 0 && reach > 0.0 && reach * reach > best {
+            let reach = outside.max((ring as f32 - 1.0) * CELL);
+            if ring > 0 && reach * reach > best {
                 break;
             }
             self.each_in_ring(home, ring, |triangle| {

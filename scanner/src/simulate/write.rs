@@ -95,12 +95,12 @@ fn ply(mesh: &Mesh) -> Vec<u8> {
     )
     .into_bytes();
     for (point, color) in points.iter().zip(&mesh.vertices.colors) {
-        point.iter().for_each(|v| bytes.extend(v.to_le_bytes()));
+        bytes.extend(point.iter().flat_map(|v| v.to_le_bytes()));
         bytes.extend(color);
     }
     for triangle in triangles {
         bytes.push(3);
-        triangle.iter().for_each(|i| bytes.extend(i.to_le_bytes()));
+        bytes.extend(triangle.iter().flat_map(|i| i.to_le_bytes()));
     }
     bytes
 }

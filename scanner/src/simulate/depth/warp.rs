@@ -23,7 +23,9 @@ pub fn warp_field(width: usize, height: usize, amplitude: f32, seed: u64) -> Vec
     let mut field: Vec<f32> =
         (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| at(x, y)).collect();
     let largest = field.iter().fold(1e-6f32, |m, v| m.max(v.abs()));
-    field.iter_mut().for_each(|v| *v *= amplitude / largest);
+    for value in &mut field {
+        *value *= amplitude / largest;
+    }
     field
 }
 

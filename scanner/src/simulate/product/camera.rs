@@ -42,7 +42,7 @@ impl Shape for Camera {
         let shutter = cylinder(p - Vec3::new(-0.045, -0.006, 0.076), 0.0065, 0.005, 0.001);
         let dial = cylinder(p - Vec3::new(0.047, 0.0, 0.076), 0.011, 0.006, 0.001);
         let case = smooth_union(smooth_union(body, grip, 0.006), hump, 0.005);
-        base.min(barrel).max(-glass).min(case).min(shutter).min(dial)
+        smooth_union(base, case, 0.004).min(barrel).max(-glass).min(shutter).min(dial)
     }
 
     fn color(&self, p: Vec3) -> Rgb {

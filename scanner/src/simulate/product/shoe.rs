@@ -58,7 +58,7 @@ impl Shape for Shoe {
             let tread = p.z < 0.004 && stripe(p.x, 0.008, 0.5);
             return if groove || tread { scale(self.upper, 0.7) } else { self.sole };
         }
-        if self.is_inside(p) {
+        if Self::is_inside(p) {
             return scale([0.55, 0.55, 0.6], 0.7 + 0.5 * clouds(p * 200.0, self.seed));
         }
         let lace = (-0.004..0.062).contains(&p.x) && p.y.abs() < 0.017 && p.z > 0.048;
@@ -94,7 +94,7 @@ impl Shape for Shoe {
 }
 
 impl Shoe {
-    fn is_inside(&self, p: Vec3) -> bool {
+    fn is_inside(p: Vec3) -> bool {
         let hole = limb(p, Vec3::new(-0.055, 0.0, 0.038), Vec3::new(-0.056, 0.0, 0.13), 0.0245, 0.0285);
         let throat = limb(p, Vec3::new(-0.05, 0.0, 0.078), Vec3::new(-0.008, 0.0, 0.088), 0.0235, 0.0125);
         hole.min(throat) < 0.0 && p.z < 0.0975
