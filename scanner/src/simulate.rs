@@ -1,12 +1,12 @@
 //! The simulated Kinect: products made by this code, scanned in a cluttered room, with the exact truth beside the images.
 //!
 //! [`scan`] renders a whole recording in memory, [`write`] puts it on disk as `recording.json` with `truth/`, and [`MockDevice`]
-//! gives frames one by one as a driver would. Everything follows from the seed; the number of threads changes no byte.
+//! gives frames one by one as a driver would. A [`SimulatedScan`] can be built without files: it is a [`crate::pipeline::ViewSource`]. Everything follows from the seed; the number of threads changes no byte.
 //! World = board frame, metres; colour camera x right, y down, z forward.
 
 use nalgebra::{Point3, Translation3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
-use reconstruct::board::KnownBoard;
+use reconstruct::board::{BoardFile, KnownBoard};
 use reconstruct::camera::Intrinsics;
 use reconstruct::image::{ColorImage, DepthImage};
 use reconstruct::mesh::Mesh;
@@ -22,6 +22,7 @@ pub mod product;
 pub mod raster;
 pub mod scene;
 pub mod sdf;
+mod source;
 pub mod spec;
 pub mod texture;
 pub mod truth;
@@ -60,6 +61,7 @@ pub struct SimulatedScan {
     pub views: Vec<ViewImages>,
     /// The truth.
     pub truth: Truth,
+    board_file: Option<BoardFile>,
 }
 
 /// What really was.
@@ -242,7 +244,15 @@ pub fn scan_with(spec: &ScanSpec, view_done: impl Fn() + Sync) -> Result<Simulat
         })
         .collect();
     let board = (!spec.no_board).then(|| spec.board.clone());
-    Ok(SimulatedScan { spec: spec.clone(), rig: simulator.rig, board, views, truth: simulator.truth() })
+    let board_file = board.clone().map(BoardFile::Known);
+    Ok(SimulatedScan {
+        spec: spec.clone(),
+        rig: simulator.rig,
+        board,
+        views,
+        truth: simulator.truth(),
+        board_file,
+    })
 }
 
 fn timestamp(view: usize, frame: usize) -> u64 {

@@ -27,8 +27,11 @@ Examples:
   scan-product simulate --product camera --no-board --out rec")]
 pub struct Args {
     /// What to scan
-    #[arg(long, value_enum)]
-    product: Kind,
+    #[arg(long, value_enum, required_unless_present = "random")]
+    product: Option<Kind>,
+    /// A scan of the accuracy run: product, views, errors and board are drawn by the seed
+    #[arg(long, conflicts_with_all = ["product", "no_board", "scale_error", "warp_px", "noise", "board", "family", "hide_board", "knock"])]
+    random: bool,
     /// Folder of the recording
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -108,7 +111,8 @@ pub fn run(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
 }
 
 fn spec(args: &Args) -> anyhow::Result<ScanSpec> {
-    let mut spec = ScanSpec::new(args.product, args.seed);
+    let Some(product) = args.product else { return Ok(random_spec(args)) };
+    let mut spec = ScanSpec::new(product, args.seed);
     spec.views = args.views.unwrap_or(if args.no_board { 36 } else { 8 });
     spec.frames = args.frames.unwrap_or(if args.no_board { 1 } else { 5 });
     if args.no_board {
@@ -133,6 +137,13 @@ fn spec(args: &Args) -> anyhow::Result<ScanSpec> {
         mirrored: args.mirrored,
         ..spec
     })
+}
+
+fn random_spec(args: &Args) -> ScanSpec {
+    let mut spec = ScanSpec::random(args.seed);
+    spec.views = args.views.unwrap_or(spec.views);
+    spec.frames = args.frames.unwrap_or(spec.frames);
+    ScanSpec { unregistered: args.unregistered, mirrored: args.mirrored, ..spec }
 }
 
 fn board(name: &str, family: Family) -> anyhow::Result<KnownBoard> {

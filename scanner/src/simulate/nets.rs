@@ -25,10 +25,20 @@ pub struct Net {
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// What one block of cells adds: a vertex for every cell the surface crosses, and where edges cross.
+/// What one block of cells adds: the cells the surface crosses, and the grid edges it crosses.
 struct BlockNet {
-    vertices: Vec<(u64, Vec3)>,
+    cells: Vec<CellNet>,
     crossings: Vec<(usize, [usize; 3], bool)>,
+}
+
+/// The sheets of surface in one cell: a vertex for each, so that two sheets that pass through one cell stay apart and the mesh
+/// stays manifold (Nielson 2004).
+struct CellNet {
+    key: u64,
+    /// Which sheet crosses each of the cell's edges.
+    sheet_of_edge: [u8; 12],
+    /// A vertex a sheet, in cells from the cell's first corner.
+    vertices: Vec<Vec3>,
 }
 
 /// A regular grid of cells over a box.
@@ -82,15 +92,18 @@ fn block_net(distance: &(dyn Fn(Vec3) -> f32 + Sync), grid: &Grid, block: [usize
             }
         }
     }
-    let mut net = BlockNet { vertices: Vec::new(), crossings: Vec::new() };
+    let mut net = BlockNet { cells: Vec::new(), crossings: Vec::new() };
     for z in 0..BLOCK {
         for y in 0..BLOCK {
             for x in 0..BLOCK {
                 let corners: [f32; 8] =
                     std::array::from_fn(|c| values[at(x + (c & 1), y + (c >> 1 & 1), z + (c >> 2))]);
-                let Some(offset) = cell_vertex(&corners) else { continue };
                 let index = [first[0] + x, first[1] + y, first[2] + z];
-                net.vertices.push((grid.key(index), grid.corner(index) + offset * grid.cell));
+                let Some(cell) = cell_net(&corners, grid.key(index)) else { continue };
+                net.cells.push(CellNet {
+                    vertices: cell.vertices.iter().map(|v| grid.corner(index) + v * grid.cell).collect(),
+                    ..cell
+                });
                 for axis in 0..3 {
                     if (corners[0] < 0.0) != (corners[1 << axis] < 0.0) {
                         net.crossings.push((axis, index, corners[0] < 0.0));
@@ -102,46 +115,92 @@ fn block_net(distance: &(dyn Fn(Vec3) -> f32 + Sync), grid: &Grid, block: [usize
     Some(net)
 }
 
-/// Mean of the places where the surface crosses the cell's twelve edges, in cells; `None` where it crosses none.
-fn cell_vertex(corners: &[f32; 8]) -> Option<Vec3> {
-    let (mut sum, mut count) = (Vec3::zeros(), 0.0f32);
+/// Number of the cell's edge that runs along `axis` from a corner.
+fn edge(corner: usize, axis: usize) -> usize {
+    axis * 4 + (corner >> ((axis + 1) % 3) & 1) + 2 * (corner >> ((axis + 2) % 3) & 1)
+}
+
+/// The sheets of surface in a cell; `None` where no edge is crossed.
+fn cell_net(corners: &[f32; 8], key: u64) -> Option<CellNet> {
+    let inside = corners.map(|v| v < 0.0);
+    if inside.iter().all(|&i| i == inside[0]) {
+        return None;
+    }
+    let sheets = join_edges(&inside);
+    let mut net = CellNet { key, sheet_of_edge: [u8::MAX; 12], vertices: Vec::new() };
+    let (mut names, mut counts) = (Vec::new(), Vec::new());
     for axis in 0..3 {
         for a in (0..8usize).filter(|a| a & (1 << axis) == 0) {
-            let (va, vb) = (corners[a], corners[a | (1 << axis)]);
-            if (va < 0.0) == (vb < 0.0) {
+            let b = a | (1 << axis);
+            if inside[a] == inside[b] {
                 continue;
             }
+            let e = edge(a, axis);
+            let sheet = names.iter().position(|&n| n == sheets[e]).unwrap_or_else(|| {
+                names.push(sheets[e]);
+                net.vertices.push(Vec3::zeros());
+                counts.push(0.0f32);
+                names.len() - 1
+            });
             let mut p = Vec3::new((a & 1) as f32, (a >> 1 & 1) as f32, (a >> 2) as f32);
-            p[axis] += va / (va - vb);
-            sum += p;
-            count += 1.0;
+            p[axis] += corners[a] / (corners[a] - corners[b]);
+            net.vertices[sheet] += p;
+            counts[sheet] += 1.0;
+            net.sheet_of_edge[e] = sheet as u8;
         }
     }
-    (count > 0.0).then(|| sum / count)
+    net.vertices.iter_mut().zip(counts).for_each(|(v, n)| *v /= n);
+    Some(net)
+}
+
+/// A name for every edge of a cell; edges that one sheet of surface crosses get the same name. On a face, the surface cuts off the
+/// corners inside, each by itself where two lie across from each other: both cells of a face see it the same way.
+fn join_edges(inside: &[bool; 8]) -> [u8; 12] {
+    let mut names: [u8; 12] = std::array::from_fn(|e| e as u8);
+    let mut join = |a: usize, b: usize| {
+        let (keep, drop) = (names[a], names[b]);
+        names.iter_mut().filter(|n| **n == drop).for_each(|n| *n = keep);
+    };
+    for axis in 0..3 {
+        let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);
+        for base in [0, 1usize << axis] {
+            let face = [base, base | 1 << b, base | 1 << b | 1 << c, base | 1 << c];
+            let side = |k: usize| edge(face[k] & !(1 << [b, c, b, c][k]), [b, c, b, c][k]);
+            let crossed: Vec<usize> =
+                (0..4).filter(|&k| inside[face[k]] != inside[face[(k + 1) % 4]]).collect();
+            match crossed.len() {
+                2 => join(side(crossed[0]), side(crossed[1])),
+                // Sides k - 1 and k meet at corner k.
+                4 => (0..4).filter(|&k| inside[face[k]]).for_each(|k| join(side((k + 3) % 4), side(k))),
+                _ => {}
+            }
+        }
+    }
+    names
 }
 
 /// Joins the blocks: every crossed grid edge becomes a quad between the four cells around it.
 fn assemble(grid: &Grid, parts: &[BlockNet]) -> Net {
     let mut net = Net::default();
-    let mut vertex_of = HashMap::new();
-    for (key, p) in parts.iter().flat_map(|part| &part.vertices) {
-        vertex_of.insert(*key, net.vertices.len() as u32);
-        net.vertices.push(*p);
+    let mut cells = HashMap::new();
+    for cell in parts.iter().flat_map(|part| &part.cells) {
+        cells.insert(cell.key, (net.vertices.len() as u32, &cell.sheet_of_edge));
+        net.vertices.extend_from_slice(&cell.vertices);
     }
     for &(axis, index, starts_inside) in parts.iter().flat_map(|part| &part.crossings) {
         let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);
         if index[b] == 0 || index[c] == 0 {
             continue;
         }
-        let step = |db: usize, dc: usize| {
+        let vertex = |db: usize, dc: usize| {
             let mut cell = index;
             cell[b] -= db;
             cell[c] -= dc;
-            vertex_of.get(&grid.key(cell)).copied()
+            let (first, sheet_of_edge) = cells.get(&grid.key(cell))?;
+            Some(first + u32::from(sheet_of_edge[edge(db << b | dc << c, axis)]))
         };
-        let (Some(p), Some(q), Some(r), Some(s)) = (step(0, 0), step(1, 0), step(1, 1), step(0, 1)) else {
-            continue;
-        };
+        let corners = (vertex(0, 0), vertex(1, 0), vertex(1, 1), vertex(0, 1));
+        let (Some(p), Some(q), Some(r), Some(s)) = corners else { continue };
         let quad = if starts_inside { [p, q, r, s] } else { [p, s, r, q] };
         split_quad(&mut net, quad);
     }

@@ -1,0 +1,193 @@
+//! `accuracy --scans 300 --seed 1`: simulates scans, builds each in memory and judges it against the truth.
+//!
+//! Scan k uses seed + k, so a failure is repeated by `--scans 1 --seed SEED`, or written to disk by
+//! `scan-product simulate --random --seed SEED --out DIR`. A scan succeeds where every used view's pose displaces the product by at
+//! most 2 mm and half of the model's cells of 1 mm lie within 1 mm of the true surface.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use clap::Parser;
+use reconstruct::pose::from_row_major;
+use scanner::config::Config;
+use scanner::pipeline;
+use scanner::simulate::truth::{PoseError, Surface, centre, percentile, pose_error, surface_errors};
+use scanner::simulate::{ScanSpec, SimulatedScan, scan};
+use scanner::ui::Ui;
+use serde::Serialize;
+
+/// Largest pose error and surface median of a good scan, millimetres.
+const POSE_LIMIT_MM: f64 = 2.0;
+const SURFACE_LIMIT_MM: f64 = 1.0;
+/// Farther from the truth than this is an outlier, metres.
+const OUTLIER: f32 = 0.003;
+
+/// Accuracy over many simulated scans.
+#[derive(Debug, Parser)]
+struct Args {
+    /// Number of scans
+    #[arg(long, default_value_t = 300)]
+    scans: u64,
+    /// Seed of the first scan; the others follow
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Write every scan's figures to this file
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// One scan judged; millimetres.
+#[derive(Debug, Serialize)]
+struct Judged {
+    seed: u64,
+    product: &'static str,
+    noise: scanner::simulate::NoiseLevel,
+    scale_error: f64,
+    hidden: f64,
+    family: &'static str,
+    views: usize,
+    views_used: usize,
+    pose_median: f64,
+    pose_max: f64,
+    degrees_max: f64,
+    surface_median: f64,
+    surface_p95: f64,
+    outlier_percent: f64,
+    scale_found: f64,
+    good: bool,
+    reason: String,
+    simulate_ms: u128,
+    build_ms: u128,
+}
+
+fn main() -> anyhow::Result<()> {
+    let args = Args::parse();
+    let mut all = Vec::new();
+    for seed in args.seed..args.seed.saturating_add(args.scans) {
+        let judged = run(seed)?;
+        eprintln!("{}", line(&judged));
+        all.push(judged);
+    }
+    print_summary(&all);
+    if let Some(path) = &args.json {
+        std::fs::write(path, serde_json::to_vec_pretty(&all)?)?;
+    }
+    Ok(())
+}
+
+fn run(seed: u64) -> anyhow::Result<Judged> {
+    let started = Instant::now();
+    let scan = scan(&ScanSpec::random(seed))?;
+    let simulate_ms = started.elapsed().as_millis();
+    let started = Instant::now();
+    let built = pipeline::build(&scan, &Config::default(), &Ui::silent())?;
+    Ok(judge(&scan, &built, simulate_ms, started.elapsed().as_millis()))
+}
+
+fn judge(scan: &SimulatedScan, built: &pipeline::Scan, simulate_ms: u128, build_ms: u128) -> Judged {
+    let centre = centre(&scan.truth.mesh);
+    let used = built.report.views.iter().zip(&scan.truth.world_from_camera).filter(|(view, _)| view.used);
+    let mut poses: Vec<PoseError> = used
+        .filter_map(|(view, truth)| {
+            let estimate = from_row_major(view.world_from_camera.as_ref()?)?;
+            Some(pose_error(truth, &estimate, &centre))
+        })
+        .collect();
+    poses.sort_by(|a, b| a.metres.total_cmp(&b.metres));
+    let millimetres: Vec<f32> = poses.iter().map(|p| (p.metres * 1000.0) as f32).collect();
+    let errors = Surface::of(&scan.truth.mesh)
+        .map_or_else(Vec::new, |surface| surface_errors(&surface, &built.cloud.points));
+    let outliers = errors.iter().filter(|&&e| e > OUTLIER).count();
+    let (pose_max, surface_median) = (percentile(&millimetres, 1.0), percentile(&errors, 0.5) * 1000.0);
+    let reasons =
+        built.report.views.iter().filter_map(|v| Some(format!("{}: {}", v.name, v.reason.as_ref()?)));
+    Judged {
+        seed: scan.spec.seed,
+        product: scan.spec.product.name(),
+        noise: scan.spec.noise,
+        scale_error: scan.spec.scale_error,
+        hidden: scan.spec.hide_board,
+        family: scan.spec.board.family.name(),
+        views: scan.views.len(),
+        views_used: poses.len(),
+        pose_median: percentile(&millimetres, 0.5),
+        pose_max,
+        degrees_max: poses.iter().map(|p| p.degrees).fold(f64::NAN, f64::max),
+        surface_median,
+        surface_p95: percentile(&errors, 0.95) * 1000.0,
+        outlier_percent: 100.0 * outliers as f64 / errors.len().max(1) as f64,
+        scale_found: built.report.depth_calibration.scale,
+        // Not a number where nothing was built: no success.
+        good: pose_max <= POSE_LIMIT_MM && surface_median <= SURFACE_LIMIT_MM,
+        reason: reasons.collect::<Vec<_>>().join("; "),
+        simulate_ms,
+        build_ms,
+    }
+}
+
+fn line(j: &Judged) -> String {
+    format!(
+        "{:>5} {:10} {:4} scale {:+.3} hidden {:.1} {:12} views {}/{}  pose {:.2}/{:.2} mm  surface {:.2}/{:.2} mm  out {:.2} %  {} + {} ms{}",
+        j.seed,
+        j.product,
+        if j.noise == scanner::simulate::NoiseLevel::Low { "low" } else { "high" },
+        j.scale_error,
+        j.hidden,
+        j.family,
+        j.views_used,
+        j.views,
+        j.pose_median,
+        j.pose_max,
+        j.surface_median,
+        j.surface_p95,
+        j.outlier_percent,
+        j.simulate_ms,
+        j.build_ms,
+        if j.good { String::new() } else { format!("  FAILED {}", j.reason) },
+    )
+}
+
+fn print_summary(all: &[Judged]) {
+    println!("{:24} {:>8} {:>8} {:>8}", "over all scans", "median", "p95", "worst");
+    let figures: [(&str, fn(&Judged) -> f64); 7] = [
+        ("pose median, mm", |j| j.pose_median),
+        ("pose worst view, mm", |j| j.pose_max),
+        ("pose worst view, degrees", |j| j.degrees_max),
+        ("surface median, mm", |j| j.surface_median),
+        ("surface p95, mm", |j| j.surface_p95),
+        ("outliers, percent", |j| j.outlier_percent),
+        ("build, ms", |j| j.build_ms as f64),
+    ];
+    for (name, figure) in figures {
+        let mut values: Vec<f32> = all.iter().map(|j| figure(j) as f32).filter(|v| v.is_finite()).collect();
+        values.sort_by(f32::total_cmp);
+        let at = |share| percentile(&values, share);
+        println!("{name:24} {:>8.3} {:>8.3} {:>8.3}", at(0.5), at(0.95), at(1.0));
+    }
+    let good = all.iter().filter(|j| j.good).count();
+    let (low, high) = wilson(good, all.len());
+    let left_out: usize = all.iter().map(|j| j.views - j.views_used).sum();
+    println!("views left out: {left_out} of {}", all.iter().map(|j| j.views).sum::<usize>());
+    println!(
+        "within {POSE_LIMIT_MM} mm pose and {SURFACE_LIMIT_MM} mm surface median: {good} of {} = {:.1} % (95 % interval {:.1} to {:.1} %)",
+        all.len(),
+        100.0 * good as f64 / all.len().max(1) as f64,
+        100.0 * low,
+        100.0 * high,
+    );
+    for failed in all.iter().filter(|j| !j.good) {
+        println!("failed: {}", line(failed));
+    }
+}
+
+/// 95 % interval of a share (Wilson 1927).
+fn wilson(good: usize, of: usize) -> (f64, f64) {
+    if of == 0 {
+        return (0.0, 1.0);
+    }
+    let (n, z) = (of as f64, 1.959_964);
+    let share = good as f64 / n;
+    let middle = (share + z * z / (2.0 * n)) / (1.0 + z * z / n);
+    let half = z / (1.0 + z * z / n) * (share * (1.0 - share) / n + z * z / (4.0 * n * n)).sqrt();
+    (middle - half, middle + half)
+}
