@@ -13,7 +13,7 @@ const PROBES: [[f64; 2]; 5] = [[0.0, 0.0], [-0.22, -0.22], [0.22, -0.22], [0.22,
 /// Share of the white samples around the tag that must be white.
 const MIN_WHITE_SHARE: f64 = 0.75;
 /// Share of border cells that may not be black.
-const MAX_BORDER_ERRORS: f64 = 0.04;
+const MAX_BORDER_ERRORS: f64 = 0.07;
 /// Cells below this many pixels run into each other and are read a second time sharpened.
 const SMALL_CELL_PX: f64 = 4.0;
 /// Sharpening of small cells: how much of the difference to the four neighbours is added.

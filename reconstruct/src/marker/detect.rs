@@ -5,7 +5,7 @@ use nalgebra::{Point2, Vector2};
 use super::decode::{Reading, read};
 use super::dictionary::Dictionary;
 use super::edge::Lens;
-use super::outline::for_each_outline;
+use super::outline::{Connected, for_each_outline};
 use super::quad::{Quad, fit_quad};
 use super::refine::{RefinedQuad, refine};
 use super::threshold::black_mask;
@@ -15,6 +15,9 @@ use crate::image::GrayImage;
 
 /// Smallest picture that is looked at, pixels a side.
 const MIN_IMAGE_SIDE: usize = 16;
+/// Tags up to this mean side have a border that may be thinner than two pixels.
+const SMALL_SIDE_PX: f64 = 40.0;
+
 /// What counts as a tag.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DetectConfig {
@@ -99,8 +102,16 @@ fn find_quads(image: &GrayImage, config: &DetectConfig) -> Vec<Quad> {
     let mask = black_mask(image, config.min_contrast.max(1));
     let shortest = (4.0 * config.min_side_px * 0.7) as usize;
     let longest = 4 * (image.width + image.height);
-    let mut quads = Vec::new();
-    for_each_outline(&mask, shortest, longest, |outline| quads.extend(fit_quad(outline, config.min_side_px)));
+    let mut quads: Vec<Quad> = Vec::new();
+    for_each_outline(&mask, Connected::Sides, shortest, longest, |outline| {
+        quads.extend(fit_quad(outline, config.min_side_px));
+    });
+    // Borders of small tags may hang together over corners only.
+    let (first, small) = (quads.len(), (4.0 * SMALL_SIDE_PX) as usize);
+    for_each_outline(&mask, Connected::Corners, shortest, longest.min(small), |outline| {
+        let quad = fit_quad(outline, config.min_side_px);
+        quads.extend(quad.filter(|q| !quads[..first].iter().any(|known| known.is_same(q))));
+    });
     quads
 }
 

@@ -35,7 +35,7 @@ static DICTIONARIES: LazyLock<[Dictionary; 5]> = LazyLock::new(|| {
             Family::Aruco5x5_100 => (5, 1, ARUCO_5X5_100.to_vec()),
             Family::Aruco6x6_250 => (6, 2, ARUCO_6X6_250.to_vec()),
             Family::ArucoOriginal => (5, 0, (0..1024).map(aruco_original_code).collect()),
-            Family::Tag36h11 => (6, 2, TAG_36H11.to_vec()),
+            Family::Tag36h11 => (6, 3, TAG_36H11.to_vec()),
         };
         Dictionary { family, payload_cells, max_bit_errors, codes }
     })

@@ -1,7 +1,6 @@
 //! Outer outlines of black regions, followed along the cracks between pixels.
 //!
-//! Black is 4-connected (so that neighbouring tags do not merge over a corner) and lies to the right of the walk:
-//! outer outlines run clockwise in the picture. Every crack is walked once.
+//! Black lies to the right of the walk: outer outlines run clockwise in the picture. Every crack is walked once.
 
 use super::threshold::BlackMask;
 
@@ -11,9 +10,19 @@ pub(super) type Outline = Vec<[i32; 2]>;
 /// Up, right, down, left.
 const STEPS: [[i32; 2]; 4] = [[0, -1], [1, 0], [0, 1], [-1, 0]];
 
+/// Which pixels of a region hang together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Connected {
+    /// Over sides only: neighbouring tags do not merge over a corner.
+    Sides,
+    /// Over corners too: borders that are thinner than two pixels stay whole.
+    Corners,
+}
+
 /// Calls `visit` with every outer outline of `min_length` to `max_length` cracks, top to bottom.
 pub(super) fn for_each_outline(
     mask: &BlackMask,
+    connected: Connected,
     min_length: usize,
     max_length: usize,
     mut visit: impl FnMut(&Outline),
@@ -22,7 +31,7 @@ pub(super) fn for_each_outline(
     let mut outline = Outline::new();
     for start in mask.stride..mask.data.len() {
         if mask.data[start] == 1 && mask.data[start - 1] == 0 && !walked[start] {
-            let twice_area = follow(mask, start, &mut walked, &mut outline);
+            let twice_area = follow(mask, connected, start, &mut walked, &mut outline);
             if twice_area > 0 && (min_length..=max_length).contains(&outline.len()) {
                 visit(&outline);
             }
@@ -31,7 +40,13 @@ pub(super) fn for_each_outline(
 }
 
 /// Walks from the left crack of a black pixel until it closes; returns twice the enclosed area, negative for holes.
-fn follow(mask: &BlackMask, start: usize, walked: &mut [bool], outline: &mut Outline) -> i64 {
+fn follow(
+    mask: &BlackMask,
+    connected: Connected,
+    start: usize,
+    walked: &mut [bool],
+    outline: &mut Outline,
+) -> i64 {
     outline.clear();
     let stride = mask.stride as i32;
     // Index of the pixels ahead of a vertex, relative to the pixel right below it: ahead-left, ahead-right.
@@ -52,11 +67,11 @@ fn follow(mask: &BlackMask, start: usize, walked: &mut [bool], outline: &mut Out
         twice_area += i64::from(x) * i64::from(step[1]) - i64::from(y) * i64::from(step[0]);
         x += step[0];
         y += step[1];
-        let [left, right] = ahead[direction];
-        if mask.data[(below + right) as usize] == 0 {
-            direction = (direction + 1) % 4;
-        } else if mask.data[(below + left) as usize] == 1 {
+        let [left, right] = ahead[direction].map(|pixel| mask.data[(below + pixel) as usize] == 1);
+        if left && (right || connected == Connected::Corners) {
             direction = (direction + 3) % 4;
+        } else if !right {
+            direction = (direction + 1) % 4;
         }
         if below == first && direction == 0 {
             return twice_area;
@@ -68,7 +83,7 @@ fn follow(mask: &BlackMask, start: usize, walked: &mut [bool], outline: &mut Out
 mod tests {
     use super::*;
 
-    fn outlines(rows: &[&str]) -> Vec<Outline> {
+    fn outlines(rows: &[&str], connected: Connected) -> Vec<Outline> {
         let stride = rows[0].len() + 2;
         let mut data = vec![0; stride];
         for row in rows {
@@ -78,19 +93,23 @@ mod tests {
         }
         data.extend(vec![0; stride]);
         let mut found = Vec::new();
-        for_each_outline(&BlackMask { stride, data }, 1, 1000, |o| found.push(o.clone()));
+        for_each_outline(&BlackMask { stride, data }, connected, 1, 1000, |o| found.push(o.clone()));
         found
     }
 
     #[test]
     fn one_pixel_has_four_cracks() {
-        let found = outlines(&["...", ".#.", "..."]);
+        let found = outlines(&["...", ".#.", "..."], Connected::Sides);
         assert_eq!(found, vec![vec![[1, 2], [1, 1], [2, 1], [2, 2]]]);
     }
 
     #[test]
-    fn holes_are_left_out_and_diagonal_neighbours_are_apart() {
-        let found = outlines(&["####.", "#..#.", "####.", "....#"]);
-        assert_eq!(found.iter().map(Vec::len).collect::<Vec<_>>(), [14, 4]);
+    fn holes_are_left_out_and_diagonal_neighbours_are_apart_or_not() {
+        let lengths = |connected| {
+            let found = outlines(&["####.", "#..#.", "####.", "....#"], connected);
+            found.iter().map(Vec::len).collect::<Vec<_>>()
+        };
+        assert_eq!(lengths(Connected::Sides), [14, 4]);
+        assert_eq!(lengths(Connected::Corners), [18]);
     }
 }

@@ -17,6 +17,13 @@ pub(super) struct Quad {
     pub(super) corners: [Point2<f64>; 4],
 }
 
+impl Quad {
+    /// Whether the corners are those of another quadrilateral, give or take an outline's roughness.
+    pub(super) fn is_same(&self, other: &Self) -> bool {
+        (0..4).any(|shift| (0..4).all(|k| (self.corners[k] - other.corners[(k + shift) % 4]).norm() < 2.0))
+    }
+}
+
 /// An infinite line through a point along a unit direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Line {
@@ -199,7 +206,8 @@ mod tests {
 
     /// Outline of the pixels inside a convex polygon given clockwise.
     fn outline_of(polygon: &[[f64; 2]]) -> Outline {
-        use super::super::{outline::for_each_outline, threshold::BlackMask};
+        use super::super::outline::{Connected, for_each_outline};
+        use super::super::threshold::BlackMask;
         let (stride, rows) = (102, 102);
         let mut data = vec![0; stride * rows];
         for y in 0..100 {
@@ -212,7 +220,7 @@ mod tests {
             }
         }
         let mut found = Vec::new();
-        for_each_outline(&BlackMask { stride, data }, 1, 10_000, |o| found.push(o.clone()));
+        for_each_outline(&BlackMask { stride, data }, Connected::Sides, 1, 10_000, |o| found.push(o.clone()));
         found.swap_remove(0)
     }
 
