@@ -12,3 +12,4 @@ pub mod recording;
 pub mod result;
 pub mod simulate;
 pub mod ui;
+pub mod upload;

@@ -56,7 +56,7 @@ impl<'a> Incoming<'a> {
             let too_slow_at = self.started + self.times.body_pause + earned;
             let frame = timeout_at(pause_ends.min(too_slow_at), self.body.frame()).await;
             let Some(frame) = frame.map_err(|_elapsed| too_slow())? else { return Ok(None) };
-            let Ok(data) = frame.map_err(broken)?.into_data() else { continue };
+            let Ok(data) = frame.map_err(|error| broken(&error))?.into_data() else { continue };
             self.received += data.len() as u64;
             self.last = Instant::now();
             if self.received > self.limit {
@@ -99,7 +99,7 @@ fn too_slow() -> Error {
     Error::refuse(StatusCode::REQUEST_TIMEOUT, "too_slow", detail)
 }
 
-fn broken(error: axum::Error) -> Error {
+fn broken(error: &axum::Error) -> Error {
     tracing::debug!(%error, "body broke off");
     Error::bad_request("broken_body", "The body broke off before its end. Send it again.")
 }

@@ -7,9 +7,9 @@ use crate::error::Result;
 use crate::state::App;
 
 /// How often.
-const EVERY: Duration = Duration::from_secs(600);
+const EVERY: Duration = Duration::from_mins(10);
 /// A body without an owner is younger than this only while it is being received.
-const ORPHAN_AGE: Duration = Duration::from_secs(24 * 3600);
+const ORPHAN_AGE: Duration = Duration::from_hours(24);
 
 /// Cleans now and then, for ever.
 pub async fn keep_clean(app: App) {

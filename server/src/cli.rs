@@ -216,7 +216,7 @@ fn start_log(style: LogStyle) {
     let builder = tracing_subscriber::fmt().with_max_level(tracing::Level::INFO).with_writer(std::io::stderr);
     match style {
         LogStyle::Json => {
-            builder.json().flatten_event(true).with_current_span(false).with_span_list(false).init()
+            builder.json().flatten_event(true).with_current_span(false).with_span_list(false).init();
         }
         LogStyle::Text => builder.with_ansi(std::io::stderr().is_terminal()).init(),
     }

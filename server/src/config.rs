@@ -112,7 +112,7 @@ impl Default for Times {
             upload_lifetime: Duration::from_secs(DAY),
             login_every: Duration::from_secs(6),
             database_busy: Duration::from_secs(5),
-            shutdown_grace: Duration::from_secs(60),
+            shutdown_grace: Duration::from_mins(1),
         }
     }
 }

@@ -91,7 +91,10 @@ impl Storage {
             let part = tokio::task::spawn_blocking(move || read_part(source).map_err(generic)).await?;
             match part {
                 Ok((_, part)) if part.is_empty() => break Ok(()),
-                Ok((rest, part)) => (source, _) = (rest, writer.put(part)),
+                Ok((rest, part)) => {
+                    source = rest;
+                    writer.put(part);
+                },
                 Err(error) => break Err(error),
             }
         };

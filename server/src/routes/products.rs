@@ -80,16 +80,16 @@ pub(super) struct NewProduct {
 pub(super) struct ProductChange {
     title: Option<String>,
     description: Option<String>,
-    #[serde(default, deserialize_with = "present")]
+    #[serde(default)]
     #[schema(value_type = Option<i64>)]
-    price_minor: Option<Option<i64>>,
-    #[serde(default, deserialize_with = "present")]
+    price_minor: Change<i64>,
+    #[serde(default)]
     #[schema(value_type = Option<String>)]
-    currency: Option<Option<String>>,
+    currency: Change<String>,
     category: Option<Category>,
-    #[serde(default, deserialize_with = "present")]
+    #[serde(default)]
     #[schema(value_type = Option<Condition>)]
-    condition: Option<Option<Condition>>,
+    condition: Change<Condition>,
 }
 
 #[derive(Debug, Deserialize, ToSchema)]
@@ -97,11 +97,29 @@ pub(super) struct StatusChange {
     status: Status,
 }
 
-/// Tells "absent" (`None`) from "null" (`Some(None)`).
-fn present<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
-    deserializer: D,
-) -> std::result::Result<Option<Option<T>>, D::Error> {
-    Option::deserialize(deserializer).map(Some)
+/// A change of what may be absent: JSON tells "not named" from "null".
+#[derive(Debug, Default)]
+enum Change<T> {
+    #[default]
+    Keep,
+    TakeAway,
+    Set(T),
+}
+
+impl<'de, T: Deserialize<'de>> Deserialize<'de> for Change<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
+        Option::deserialize(deserializer).map(|value| value.map_or(Self::TakeAway, Self::Set))
+    }
+}
+
+impl<T> Change<T> {
+    fn of(self, before: Option<T>) -> Option<T> {
+        match self {
+            Self::Keep => before,
+            Self::TakeAway => None,
+            Self::Set(value) => Some(value),
+        }
+    }
 }
 
 /// Forms send `category=` for "any".
@@ -259,9 +277,9 @@ fn changed(before: ProductText, change: ProductChange) -> Result<ProductText> {
         description: change
             .description
             .map_or(Ok(before.description), |text| lines("description", &text, DESCRIPTION_CHARS))?,
-        price: price(change.price_minor.unwrap_or(amount), change.currency.unwrap_or(currency))?,
+        price: price(change.price_minor.of(amount), change.currency.of(currency))?,
         category: change.category.unwrap_or(before.category),
-        condition: change.condition.unwrap_or(before.condition),
+        condition: change.condition.of(before.condition),
     })
 }
 
