@@ -9,6 +9,7 @@ mod state;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
@@ -54,6 +55,25 @@ pub enum UploadError {
     HashDiffers,
 }
 
+/// The server, and how hard to try.
+#[derive(Debug, Clone)]
+pub struct Destination {
+    /// As `https://shop.example`.
+    pub server: String,
+    pub token: Token,
+    /// Attempts without any progress before giving up.
+    pub attempts: u32,
+    /// After the first failure; it doubles with each further one.
+    pub first_pause: Duration,
+}
+
+impl Destination {
+    /// With a patience of about a quarter of a minute.
+    pub fn new(server: impl Into<String>, token: Token) -> Self {
+        Self { server: server.into(), token, attempts: 6, first_pause: Duration::from_millis(500) }
+    }
+}
+
 /// What the listing says.
 #[derive(Debug, Clone, Default)]
 pub struct Listing {
@@ -89,13 +109,12 @@ struct Outgoing {
 /// Sends a built model as a new draft listing, or goes on with one that was begun.
 pub fn publish(
     folder: &Path,
-    server: &str,
-    token: Token,
+    destination: &Destination,
     listing: &Listing,
     ui: &Ui,
 ) -> Result<Published, UploadError> {
     let files = collect(folder)?;
-    let client = Client::new(server, token)?;
+    let client = Client::new(destination)?;
     client.check_token()?;
     let mut state = state::load(folder, client.server());
     let product_id = continue_or_create(&client, &mut state, folder, listing, ui)?;

@@ -37,11 +37,11 @@ impl<'a> Incoming<'a> {
         let now = Instant::now();
         let mut incoming = Self { body, limit, times, started: now, last: now, received: 0 };
         if content_length(headers).is_some_and(|announced| announced > limit) {
-            incoming.drain().await;
+            incoming.refuse(headers).await;
             return Err(Error::too_large(limit));
         }
         if headers.get(header::CONTENT_ENCODING).is_some_and(|coding| coding != "identity") {
-            incoming.drain().await;
+            incoming.refuse(headers).await;
             let detail = "Packed bodies are not taken. Send the file as it is, without Content-Encoding.";
             return Err(Error::refuse(StatusCode::UNSUPPORTED_MEDIA_TYPE, "packed_body", detail));
         }
@@ -74,6 +74,13 @@ impl<'a> Incoming<'a> {
             all.extend_from_slice(&data);
         }
         Ok(all)
+    }
+
+    /// As [`Self::drain`], unless the client waits for a word before it sends anything.
+    pub async fn refuse(&mut self, headers: &HeaderMap) {
+        if !headers.contains_key(header::EXPECT) {
+            self.drain().await;
+        }
     }
 
     /// Reads on for a moment without keeping anything.

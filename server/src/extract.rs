@@ -24,7 +24,7 @@ impl<T: DeserializeOwned> FromRequest<App> for Json<T> {
         let mut incoming =
             Incoming::new(&parts.headers, body, app.config.limits.json_bytes, &app.config.times).await?;
         if !is_json(&parts) {
-            incoming.drain().await;
+            incoming.refuse(&parts.headers).await;
             let detail = "Send JSON, with Content-Type: application/json.";
             return Err(Error::refuse(StatusCode::UNSUPPORTED_MEDIA_TYPE, "wrong_content_type", detail));
         }

@@ -58,7 +58,15 @@ pub async fn observe(request: Request, next: Next) -> Response {
     let status = response.status().as_u16();
     let millis = started.elapsed().as_secs_f64() * 1000.0;
     // Anybody can invent methods; only known ones are counted apart.
-    let known = [Method::GET, Method::HEAD, Method::POST, Method::PUT, Method::PATCH, Method::DELETE, Method::OPTIONS];
+    let known = [
+        Method::GET,
+        Method::HEAD,
+        Method::POST,
+        Method::PUT,
+        Method::PATCH,
+        Method::DELETE,
+        Method::OPTIONS,
+    ];
     let counted = if known.contains(&method) { method.as_str() } else { "other" };
     let labels = [("method", counted.to_string()), ("route", route), ("status", status.to_string())];
     metrics::counter!("http_requests_total", &labels).increment(1);

@@ -94,7 +94,7 @@ impl Storage {
                 Ok((rest, part)) => {
                     source = rest;
                     writer.put(part);
-                },
+                }
                 Err(error) => break Err(error),
             }
         };

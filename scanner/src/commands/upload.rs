@@ -7,7 +7,7 @@ use serde_json::json;
 
 use crate::cli::DONE;
 use crate::ui::Ui;
-use crate::upload::{Listing, Token, publish};
+use crate::upload::{Destination, Listing, Token, publish};
 
 /// The variable that may hold the token.
 const TOKEN_VARIABLE: &str = "ALLROUND_TOKEN";
@@ -64,7 +64,7 @@ pub fn run(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
             "the server is reached without encryption: others on the way can read the token; use https://",
         );
     }
-    let published = publish(&args.folder, &args.server, token, &listing, ui)?;
+    let published = publish(&args.folder, &Destination::new(&args.server, token), &listing, ui)?;
     let next = if published.status == "draft" { " (a draft until an admin activates it)" } else { "" };
     ui.result(
         &format!("{}{next}", published.url),

@@ -8,11 +8,8 @@ use serde_json::{Value, json};
 use ureq::http::Response;
 use ureq::{Agent, Body, SendBody};
 
-use super::{Meter, Outgoing, UploadError};
+use super::{Destination, Meter, Outgoing, UploadError};
 
-/// Attempts without any progress before giving up, and the pause after the first of them, which doubles.
-const ATTEMPTS: u32 = 6;
-const FIRST_PAUSE: Duration = Duration::from_millis(500);
 const CONNECT_TIME: Duration = Duration::from_secs(15);
 /// Reading a large model takes the server a while.
 const ANSWER_TIME: Duration = Duration::from_mins(10);
@@ -59,13 +56,13 @@ pub(super) enum Offset {
 pub(super) struct Client {
     agent: Agent,
     server: String,
-    token: Token,
+    destination: Destination,
 }
 
 /// Counts failures without progress.
 #[derive(Debug)]
 pub(super) struct Patience<'a> {
-    server: &'a str,
+    destination: &'a Destination,
     failures: u32,
     offset: Option<u64>,
 }
@@ -81,13 +78,13 @@ impl Patience<'_> {
     /// Waits before the next attempt; an error when there were too many.
     pub(super) fn failed(&mut self, cause: &str) -> Result<(), UploadError> {
         self.failures += 1;
-        if self.failures >= ATTEMPTS {
+        if self.failures >= self.destination.attempts {
             return Err(UploadError::NoConnection {
                 server: self.server.to_string(),
                 cause: cause.to_string(),
             });
         }
-        std::thread::sleep(FIRST_PAUSE * 2u32.pow(self.failures - 1));
+        std::thread::sleep(self.destination.first_pause * 2u32.saturating_pow(self.failures - 1));
         Ok(())
     }
 }
@@ -95,7 +92,7 @@ impl Patience<'_> {
 type Answer = Result<Response<Body>, ureq::Error>;
 
 impl Client {
-    pub(super) fn new(server: &str, token: Token) -> Result<Self, UploadError> {
+    pub(super) fn new(destination: &Destination) -> Result<Self, UploadError> {
         let config = Agent::config_builder()
             .http_status_as_error(false)
             .max_redirects(0)
@@ -104,7 +101,8 @@ impl Client {
             .timeout_recv_response(Some(ANSWER_TIME))
             .timeout_per_write(Some(STALL_TIME))
             .user_agent(concat!("scan-product/", env!("CARGO_PKG_VERSION")));
-        Ok(Self { agent: config.build().new_agent(), server: checked_server(server)?, token })
+        let server = checked_server(&destination.server)?;
+        Ok(Self { agent: config.build().new_agent(), server, destination: destination.clone() })
     }
 
     pub(super) fn server(&self) -> &str {
@@ -112,7 +110,7 @@ impl Client {
     }
 
     pub(super) fn patience(&self) -> Patience<'_> {
-        Patience { server: &self.server, failures: 0, offset: None }
+        Patience { destination: &self.destination, failures: 0, offset: None }
     }
 
     /// Asks who we are, before anything is sent.
@@ -240,7 +238,7 @@ impl Client {
     }
 
     fn bearer(&self) -> String {
-        format!("Bearer {}", self.token.0)
+        format!("Bearer {}", self.destination.token.0)
     }
 
     fn get(&self, path: &str) -> Answer {

@@ -121,7 +121,7 @@ async fn receive(
     let limit = ingest::byte_limit(&app.config.limits, kind);
     let mut incoming = Incoming::new(headers, body, limit, &app.config.times).await?;
     if let Err(error) = ingest::check_content_type(kind, headers) {
-        incoming.drain().await;
+        incoming.refuse(headers).await;
         return Err(error);
     }
     let spooled = to_spool(app, incoming).await?;

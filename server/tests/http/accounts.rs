@@ -11,9 +11,13 @@ use super::support::{PASSWORD, Server, Who, cookie_of, id_of};
 fn a_session_from_log_in_to_log_out() {
     let server = Server::start();
     assert!(server.get("/api/session", &Who::Nobody).expect(200).json()["user"].is_null());
-    let answer = server.post("/api/session", &Who::Nobody, json!({"name": "ANN", "password": PASSWORD})).expect(200);
+    let answer =
+        server.post("/api/session", &Who::Nobody, json!({"name": "ANN", "password": PASSWORD})).expect(200);
     let cookie = answer.header("set-cookie");
-    assert!(cookie.contains("HttpOnly") && cookie.contains("SameSite=Lax") && !cookie.contains("Secure"), "{cookie}");
+    assert!(
+        cookie.contains("HttpOnly") && cookie.contains("SameSite=Lax") && !cookie.contains("Secure"),
+        "{cookie}"
+    );
     assert_eq!(answer.json()["user"]["role"], "admin");
     let ann = Who::Cookie(cookie_of(&answer));
     assert_eq!(server.get("/api/session", &ann).expect(200).json()["user"]["name"], "ann");
@@ -25,7 +29,8 @@ fn a_session_from_log_in_to_log_out() {
 #[test]
 fn cookies_are_secure_behind_https() {
     let server = Server::start_with(|config| config.public_url = Some("https://shop.example".into()));
-    let answer = server.post("/api/session", &Who::Nobody, json!({"name": "ann", "password": PASSWORD})).expect(200);
+    let answer =
+        server.post("/api/session", &Who::Nobody, json!({"name": "ann", "password": PASSWORD})).expect(200);
     assert!(answer.header("set-cookie").ends_with("; Secure"));
 }
 
@@ -60,7 +65,9 @@ fn an_expired_session_is_none() {
 fn requests_from_other_sites_are_refused() {
     let server = Server::start();
     let ann = server.log_in("ann");
-    let make = |headers: &[(&str, &str)]| server.send("POST", "/api/products", &ann, headers, Some(json!({"title": "x"})));
+    let make = |headers: &[(&str, &str)]| {
+        server.send("POST", "/api/products", &ann, headers, Some(json!({"title": "x"})))
+    };
     make(&[("sec-fetch-site", "cross-site"), ("origin", "https://evil.example")]).refused(403, "cross_site");
     make(&[("sec-fetch-site", "same-site")]).refused(403, "cross_site");
     make(&[("origin", "https://evil.example")]).refused(403, "cross_site");
@@ -87,7 +94,13 @@ fn tokens_do_what_they_were_made_for_until_revoked() {
     assert!(!String::from_utf8_lossy(&listed.body).contains(&text), "shown once");
     assert!(listed.json()["items"][0]["last_used_at"].is_string());
     let edit = |who: &Who| {
-        server.send("PATCH", &format!("/api/products/{id}"), who, &[("if-match", "*")], Some(json!({"title": "new"})))
+        server.send(
+            "PATCH",
+            &format!("/api/products/{id}"),
+            who,
+            &[("if-match", "*")],
+            Some(json!({"title": "new"})),
+        )
     };
     edit(&token).refused(403, "wrong_scope");
     edit(&server.token("sam", &[Scope::Manage])).expect(200);
@@ -125,7 +138,8 @@ fn admins_make_and_lock_accounts() {
     assert_eq!(users["items"].as_array().unwrap().len(), 4);
     assert!(!users.to_string().contains("argon2"));
     let me = users["items"][0]["id"].as_str().unwrap().to_string();
-    let demote = server.send("PATCH", &format!("/api/users/{me}"), &ann, &here, Some(json!({"role": "seller"})));
+    let demote =
+        server.send("PATCH", &format!("/api/users/{me}"), &ann, &here, Some(json!({"role": "seller"})));
     demote.refused(409, "last_admin");
 }
 

@@ -71,7 +71,8 @@ fn paths_have_no_way_out() {
         ("....", "model.asc"),
     ] {
         let headers = [("x-filename", sent)];
-        let product = server.raw("PUT", &format!("{path}/model"), &sam, &headers, ASC.into()).expect(200).json();
+        let product =
+            server.raw("PUT", &format!("{path}/model"), &sam, &headers, ASC.into()).expect(200).json();
         assert_eq!(product["model"]["original_name"], kept, "{sent}");
         server.get(product["model"]["original_url"].as_str().unwrap(), &sam).expect(200);
     }
@@ -113,7 +114,11 @@ fn pictures_are_written_anew_and_small() {
     for (field, most) in [("poster_url", 60_000), ("thumb_url", 15_000)] {
         let picture = server.get(product[field].as_str().unwrap(), &sam).expect(200);
         assert_eq!(picture.header("content-type"), "image/jpeg");
-        assert!(picture.body.starts_with(&[0xff, 0xd8]) && picture.body.len() <= most, "{field} {}", picture.body.len());
+        assert!(
+            picture.body.starts_with(&[0xff, 0xd8]) && picture.body.len() <= most,
+            "{field} {}",
+            picture.body.len()
+        );
     }
     let jpeg = server.get(product["poster_url"].as_str().unwrap(), &sam).body;
     server.raw("PUT", &format!("{path}/poster"), &sam, &[("content-type", "image/jpeg")], jpeg).expect(200);

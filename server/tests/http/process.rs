@@ -35,7 +35,9 @@ fn run(command: &mut Command) -> (bool, String) {
 #[test]
 fn a_signal_lets_uploads_finish() {
     let folder = tempfile::tempdir().unwrap();
-    let (done, _) = run(program(folder.path()).args(["user", "add", "--admin", "ann"]).env("ALLROUND_PASSWORD", PASSWORD));
+    let (done, _) = run(program(folder.path())
+        .args(["user", "add", "--admin", "ann"])
+        .env("ALLROUND_PASSWORD", PASSWORD));
     assert!(done);
     let add = ["token", "add", "--user", "ann", "--name", "t", "--scope", "upload"];
     let (done, token) = run(program(folder.path()).args(add));

@@ -46,7 +46,9 @@ fn another_sellers_listing_does_not_exist() {
     server.get(&path, &sue).refused(404, "not_found");
     server.get(&stream, &sue).refused(404, "not_found");
     server.get(&stream, &Who::Nobody).refused(404, "not_found");
-    server.send("PATCH", &path, &sue, &[("if-match", "*")], Some(json!({"title": "mine"}))).refused(404, "not_found");
+    server
+        .send("PATCH", &path, &sue, &[("if-match", "*")], Some(json!({"title": "mine"})))
+        .refused(404, "not_found");
     server.post(&format!("{path}/status"), &sue, json!({"status": "archived"})).refused(404, "not_found");
     server.raw("DELETE", &path, &sue, &[], vec![]).refused(404, "not_found");
     for kind in ["model", "poster", "report"] {
@@ -84,11 +86,16 @@ fn of_two_edits_at_once_the_second_is_told() {
 fn edits_change_only_what_they_name() {
     let server = Server::start();
     let sam = server.manager("sam");
-    let body = json!({"title": "t", "description": "d", "price_minor": 100, "currency": "EUR", "condition": "fair"});
-    let path = format!("/api/products/{}", id_of(&server.post("/api/products", &sam, body).expect(201).json()));
+    let body =
+        json!({"title": "t", "description": "d", "price_minor": 100, "currency": "EUR", "condition": "fair"});
+    let path =
+        format!("/api/products/{}", id_of(&server.post("/api/products", &sam, body).expect(201).json()));
     let edit = |body| server.send("PATCH", &path, &sam, &[("if-match", "*")], Some(body));
     let after = edit(json!({"price_minor": 250})).expect(200).json();
-    assert_eq!((&after["price_minor"], &after["currency"], &after["description"]), (&json!(250), &json!("EUR"), &json!("d")));
+    assert_eq!(
+        (&after["price_minor"], &after["currency"], &after["description"]),
+        (&json!(250), &json!("EUR"), &json!("d"))
+    );
     let after = edit(json!({"price_minor": null, "currency": null, "condition": null})).expect(200).json();
     assert!(after["price_minor"].is_null() && after["condition"].is_null());
     edit(json!({"price_minor": 5})).refused(422, "bad_field");
@@ -132,7 +139,9 @@ fn the_gallery_searches_sorts_and_pages() {
     for (n, title) in ["Äpfel 100%", "Birne_x", "Citrus", "Birne"].iter().enumerate() {
         let id = id_of(&server.active(&sam, title));
         let price = json!({"price_minor": 100 * (n + 1), "currency": "EUR"});
-        server.send("PATCH", &format!("/api/products/{id}"), &sam, &[("if-match", "*")], Some(price)).expect(200);
+        server
+            .send("PATCH", &format!("/api/products/{id}"), &sam, &[("if-match", "*")], Some(price))
+            .expect(200);
     }
     server.draft(&sam, "Birne draft");
     let titles = |query: &str| -> Vec<String> {

@@ -24,7 +24,8 @@ fn check(server: &Server, body: impl Into<Vec<u8>>, status: u16, code: &str, say
     let sam = server.manager("sam");
     let id = server.draft_with_model(&sam, "keeps its model");
     let (before, stored) = (server.get(&format!("/api/products/{id}"), &sam).body, server.stored());
-    let answer = server.raw("PUT", &format!("/api/products/{id}/model"), &sam, &[], body.into()).refused(status, code);
+    let answer =
+        server.raw("PUT", &format!("/api/products/{id}/model"), &sam, &[], body.into()).refused(status, code);
     let detail = answer.json()["detail"].as_str().unwrap().to_lowercase();
     assert!(detail.contains(says), "{detail:?} should say {says:?}");
     assert_eq!(server.get(&format!("/api/products/{id}"), &sam).body, before, "the product stays");
@@ -175,7 +176,9 @@ fn a_locked_database_is_busy_not_broken() {
                 assert!(!refused.header("retry-after").is_empty());
                 assert!(!String::from_utf8_lossy(&refused.body).contains("sqlite"));
                 let model = ASC.replace("255", "250");
-                server.raw("PUT", &format!("/api/products/{id}/model"), &sam, &[], model.into()).refused(503, "busy");
+                server
+                    .raw("PUT", &format!("/api/products/{id}/model"), &sam, &[], model.into())
+                    .refused(503, "busy");
                 server.get(&format!("/api/products/{id}"), &sam).expect(200);
                 server.get("/readyz", &sam).expect(503);
             });
@@ -220,7 +223,8 @@ fn connections_are_limited_but_everybody_gets_a_turn() {
         config.times.header_read = Duration::from_millis(300);
     });
     let idle: Vec<_> = (0..4).map(|_| server.connect()).collect();
-    let answer = exchange(&mut server.connect(), b"GET /healthz HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n");
+    let answer =
+        exchange(&mut server.connect(), b"GET /healthz HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n");
     assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
     drop(idle);
 }
@@ -228,7 +232,9 @@ fn connections_are_limited_but_everybody_gets_a_turn() {
 #[test]
 fn nonsense_on_the_wire_is_refused() {
     let server = Server::start();
-    for bytes in [&b"\x16\x03\x01\x02\x00\x01\x00"[..], b"GET / HTTP/9.9\r\n\r\n", b"GET /\xff HTTP/1.1\r\n\r\n"] {
+    for bytes in
+        [&b"\x16\x03\x01\x02\x00\x01\x00"[..], b"GET / HTTP/9.9\r\n\r\n", b"GET /\xff HTTP/1.1\r\n\r\n"]
+    {
         let mut stream = server.connect();
         stream.write_all(bytes).unwrap();
         stream.shutdown(std::net::Shutdown::Write).unwrap();

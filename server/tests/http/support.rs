@@ -48,7 +48,8 @@ pub struct Answer {
 
 impl Answer {
     pub fn json(&self) -> Value {
-        serde_json::from_slice(&self.body).unwrap_or_else(|e| panic!("{e}: {}", String::from_utf8_lossy(&self.body)))
+        serde_json::from_slice(&self.body)
+            .unwrap_or_else(|e| panic!("{e}: {}", String::from_utf8_lossy(&self.body)))
     }
 
     pub fn header(&self, name: &str) -> &str {
@@ -100,7 +101,8 @@ impl Server {
         let (stop, stopped) = oneshot::channel();
         let (ready, is_ready) = std::sync::mpsc::channel();
         let thread = std::thread::spawn(move || {
-            let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
+            let runtime =
+                tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
             runtime.block_on(async move {
                 let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
                 let app = App::with_storage(config, storage).await.unwrap();
@@ -152,7 +154,14 @@ impl Server {
     }
 
     /// With headers of our choosing and a JSON body.
-    pub fn send(&self, method: &str, path: &str, who: &Who, headers: &[(&str, &str)], body: Option<Value>) -> Answer {
+    pub fn send(
+        &self,
+        method: &str,
+        path: &str,
+        who: &Who,
+        headers: &[(&str, &str)],
+        body: Option<Value>,
+    ) -> Answer {
         let mut headers = headers.to_vec();
         let bytes = body.map(|body| body.to_string().into_bytes());
         if bytes.is_some() {
@@ -162,8 +171,16 @@ impl Server {
     }
 
     /// With headers of our choosing and any body.
-    pub fn raw(&self, method: &str, path: &str, who: &Who, headers: &[(&str, &str)], body: Vec<u8>) -> Answer {
-        let mut request = ureq::http::Request::builder().method(method).uri(format!("http://{}{path}", self.address));
+    pub fn raw(
+        &self,
+        method: &str,
+        path: &str,
+        who: &Who,
+        headers: &[(&str, &str)],
+        body: Vec<u8>,
+    ) -> Answer {
+        let mut request =
+            ureq::http::Request::builder().method(method).uri(format!("http://{}{path}", self.address));
         for (name, value) in headers {
             request = request.header(*name, *value);
         }
@@ -201,7 +218,9 @@ impl Server {
     pub fn active(&self, who: &Who, title: &str) -> Value {
         let id = self.draft_with_model(who, title);
         let admin = self.manager("ann");
-        self.post(&format!("/api/products/{id}/status"), &admin, json!({"status": "active"})).expect(200).json()
+        self.post(&format!("/api/products/{id}/status"), &admin, json!({"status": "active"}))
+            .expect(200)
+            .json()
     }
 
     /// A connection of our own.
@@ -267,7 +286,9 @@ pub fn until(what: &str, mut so: impl FnMut() -> bool) {
 /// The head of a request of our own, with a token.
 pub fn head_of(method: &str, path: &str, who: &Who, headers: &[(&str, &str)]) -> String {
     let Who::Token(token) = who else { panic!("a token") };
-    let mut text = format!("{method} {path} HTTP/1.1\r\nHost: test\r\nConnection: close\r\nAuthorization: Bearer {token}\r\n");
+    let mut text = format!(
+        "{method} {path} HTTP/1.1\r\nHost: test\r\nConnection: close\r\nAuthorization: Bearer {token}\r\n"
+    );
     for (name, value) in headers {
         text += &format!("{name}: {value}\r\n");
     }

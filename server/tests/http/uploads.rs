@@ -23,12 +23,19 @@ fn metadata(product: &str, kind: &str, name: &str, sha256: &str) -> String {
 
 fn begin(server: &Server, who: &Who, length: usize, metadata: &str) -> Answer {
     let length = length.to_string();
-    server.raw("POST", "/api/uploads", who, &[TUS, ("upload-length", &length), ("upload-metadata", metadata)], vec![])
+    server.raw(
+        "POST",
+        "/api/uploads",
+        who,
+        &[TUS, ("upload-length", &length), ("upload-metadata", metadata)],
+        vec![],
+    )
 }
 
 fn model_upload(server: &Server, who: &Who) -> (String, String) {
     let id = id_of(&server.draft(who, "mug"));
-    let begun = begin(server, who, ASC.len(), &metadata(&id, "model", "mug.asc", &hash(ASC.as_bytes()))).expect(201);
+    let begun =
+        begin(server, who, ASC.len(), &metadata(&id, "model", "mug.asc", &hash(ASC.as_bytes()))).expect(201);
     assert!(begun.header("upload-expires").ends_with("GMT"));
     (id, begun.header("location").to_string())
 }
@@ -54,7 +61,10 @@ fn in_two_pieces() {
     let status = server.get(&path, &sam).expect(200).json();
     assert_eq!((&status["state"], &status["offset"]), (&"done".into(), &ASC.len().into()));
     let product = server.get(&format!("/api/products/{id}"), &sam).json();
-    assert_eq!((&product["model"]["points"], &product["model"]["original_name"]), (&3.into(), &"mug.asc".into()));
+    assert_eq!(
+        (&product["model"]["points"], &product["model"]["original_name"]),
+        (&3.into(), &"mug.asc".into())
+    );
     assert!(server.spooled().is_empty());
     patch(&server, &sam, &path, ASC.len(), b"").expect(204);
 }
@@ -72,7 +82,9 @@ fn a_broken_connection_costs_only_the_rest() {
     until("the first bytes are there", || offset(&server, &sam, &path) == 25);
     patch(&server, &sam, &path, 25, &ASC.as_bytes()[25..]).refused(423, "upload_in_use");
     drop(stream);
-    until("the broken request is over", || patch(&server, &sam, &path, 25, &ASC.as_bytes()[25..]).status == 204);
+    until("the broken request is over", || {
+        patch(&server, &sam, &path, 25, &ASC.as_bytes()[25..]).status == 204
+    });
     let product = server.get(&format!("/api/products/{id}"), &sam).json();
     assert_eq!(product["model"]["sha256"], hash(ASC.as_bytes()));
 }
@@ -116,7 +128,9 @@ fn uploads_are_their_owners_and_within_limits() {
     server.get(&path, &sue).refused(404, "not_found");
     patch(&server, &sue, &path, 0, b"x").refused(404, "not_found");
     patch(&server, &sam, &path, 0, &[b'#'; 1000]).refused(413, "too_large");
-    server.raw("PATCH", &path, &sam, &[TUS, ("upload-offset", "0")], b"x".into()).refused(415, "wrong_content_type");
+    server
+        .raw("PATCH", &path, &sam, &[TUS, ("upload-offset", "0")], b"x".into())
+        .refused(415, "wrong_content_type");
     server.raw("DELETE", &path, &sam, &[TUS], vec![]).expect(204);
     server.get(&path, &sam).refused(404, "not_found");
     assert!(server.spooled().is_empty());
