@@ -43,7 +43,7 @@ pub(super) fn read(path: &Path, name: &str, with_picture: bool, limits: &Limits)
     let mesh = model_file::read(kind, BufReader::new(File::open(path)?), &reader_limits)
         .map_err(|error| bad(error.to_string().trim_end_matches('.').to_string()))?;
     let stream = stream::encode(&mesh).map_err(|error| bad(error.to_string()))?;
-    let pictures = if with_picture { super::picture::of_model(&mesh)? } else { None };
+    let pictures = with_picture.then(|| super::picture::of_model(&mesh)).transpose()?;
     Ok(ModelRead { info: info_of(&mesh)?, name: name_with_ending(name, kind), stream, pictures })
 }
 

@@ -7,6 +7,8 @@ use std::path::Path;
 use axum::http::StatusCode;
 use reconstruct::image::ColorImage;
 use reconstruct::mesh::Mesh;
+use reconstruct::poster::{self, PosterConfig};
+use reconstruct::stream;
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
@@ -157,13 +159,43 @@ fn shrunk(image: &ColorImage, side: usize) -> ColorImage {
     ColorImage { width, height, data }
 }
 
-/// A picture of a model that came without one.
-pub(super) fn of_model(_mesh: &Mesh) -> Result<Option<Pictures>> {
-    Ok(None)
+/// Most points that are drawn; more add nothing at this size.
+const DRAWN_POINTS: usize = 300_000;
+/// How often the triangles may cover a face of the model's bounding cube in all: drawing takes as long as they are large,
+/// and a file can hold millions that each cover everything.
+const DRAWN_COVERS: f64 = 200.0;
+
+/// Pictures of a model that came without one.
+pub(super) fn of_model(mesh: &Mesh) -> Result<Pictures> {
+    let config = PosterConfig::default();
+    if !mesh.triangles.is_empty() && covers(mesh) <= DRAWN_COVERS {
+        return encode_both(&poster::draw(mesh, &config));
+    }
+    let mut order = stream::even_order(&mesh.vertices.points);
+    order.truncate(DRAWN_POINTS);
+    let indices: Vec<usize> = order.into_iter().map(|i| i as usize).collect();
+    let points = Mesh { vertices: mesh.vertices.select(&indices), triangles: Vec::new() };
+    encode_both(&poster::draw(&points, &config))
+}
+
+/// Area of all triangles' bounding boxes, in faces of the model's bounding cube.
+fn covers(mesh: &Mesh) -> f64 {
+    let longest = |lo: [f32; 3], hi: [f32; 3]| (0..3).map(|k| f64::from(hi[k] - lo[k])).fold(0.0, f64::max);
+    let Some((lo, hi)) = mesh.vertices.bounds() else { return 0.0 };
+    let side = longest(lo, hi).max(f64::MIN_POSITIVE);
+    let share = |triangle: &[u32; 3]| {
+        let corners = triangle.map(|i| mesh.vertices.points[i as usize]);
+        let lo = std::array::from_fn(|k| corners.iter().map(|c| c[k]).fold(f32::MAX, f32::min));
+        let hi = std::array::from_fn(|k| corners.iter().map(|c| c[k]).fold(f32::MIN, f32::max));
+        (longest(lo, hi) / side).powi(2)
+    };
+    mesh.triangles.iter().map(share).sum()
 }
 
 #[cfg(test)]
 mod tests {
+    use reconstruct::cloud::PointCloud;
+
     use super::*;
 
     fn noise(width: usize, height: usize) -> ColorImage {
@@ -182,6 +214,16 @@ mod tests {
         assert!(pictures.thumb.len() <= THUMB.1, "{}", pictures.thumb.len());
         let back = decode_jpeg(&pictures.thumb, 1_000_000).unwrap();
         assert!(back.width > back.height);
+    }
+
+    #[test]
+    fn models_made_to_keep_us_busy_are_drawn_all_the_same() {
+        let corners = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.5]];
+        let same = PointCloud { points: [vec![[0.5; 3]; 5000], corners].concat(), ..PointCloud::default() };
+        of_model(&Mesh { vertices: same.clone(), triangles: vec![[5000, 5001, 5002]; 200_000] }).unwrap();
+        of_model(&Mesh { vertices: same, triangles: vec![] }).unwrap();
+        let one_place = PointCloud { points: vec![[0.5; 3]; 5000], ..PointCloud::default() };
+        of_model(&Mesh { vertices: one_place, triangles: vec![] }).unwrap();
     }
 
     #[test]

@@ -125,6 +125,22 @@ fn pictures_are_written_anew_and_small() {
 }
 
 #[test]
+fn a_model_without_a_picture_gets_one_until_the_seller_sends_another() {
+    let server = Server::start();
+    let sam = server.manager("sam");
+    let path = format!("/api/products/{}", server.draft_with_model(&sam, "mug"));
+    let poster = || server.get(&path, &sam).json()["poster_url"].as_str().unwrap().to_string();
+    let drawn = poster();
+    assert!(server.get(&drawn, &sam).expect(200).body.starts_with(&[0xff, 0xd8]));
+    server.raw("PUT", &format!("{path}/poster"), &sam, &[], png_of(100, 100)).expect(200);
+    let sent = poster();
+    assert_ne!(drawn, sent);
+    let changed = ASC.replace("255", "254");
+    server.raw("PUT", &format!("{path}/model"), &sam, &[], changed.into()).expect(200);
+    assert_eq!(poster(), sent, "a new model keeps the seller's picture");
+}
+
+#[test]
 fn the_report_is_shown() {
     let server = Server::start();
     let sam = server.manager("sam");
