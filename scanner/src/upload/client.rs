@@ -80,7 +80,7 @@ impl Patience<'_> {
         self.failures += 1;
         if self.failures >= self.destination.attempts {
             return Err(UploadError::NoConnection {
-                server: self.server.to_string(),
+                server: self.destination.server.clone(),
                 cause: cause.to_string(),
             });
         }
@@ -204,6 +204,7 @@ impl Client {
         address: &str,
         file: &Outgoing,
         offset: u64,
+        meter: &mut Meter<'_>,
     ) -> Result<Option<String>, UploadError> {
         let unreadable = |cause| UploadError::File { what: "read", path: file.path.clone(), cause };
         let mut source = File::open(&file.path).map_err(unreadable)?;
