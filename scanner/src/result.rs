@@ -5,8 +5,8 @@ use std::path::Path;
 
 use reconstruct::mesh::Mesh;
 use reconstruct::model_file::{asc, glb, ply};
-
-use reconstruct::report::Report;
+use reconstruct::poster::{self, PosterConfig};
+use serde::Serialize;
 
 use crate::output::{OutputDir, OutputError};
 use crate::pictures;
@@ -14,26 +14,29 @@ use crate::pictures;
 /// Names of all files a build may write; older ones of these names go away with a new result.
 pub const FILES: [&str; 5] = ["model.asc", "model.ply", "model.glb", "poster.png", "report.json"];
 
+/// Most bytes of a poster: it is the first picture a buyer sees.
+pub const POSTER_BYTES: usize = 100_000;
+
 /// Writes the files of a built model into `out`; with an empty mesh only the report.
-pub fn write(out: &Path, mesh: &Mesh, report: &Report) -> Result<(), OutputError> {
+pub fn write(out: &Path, mesh: &Mesh, report: &impl Serialize) -> Result<(), OutputError> {
     let dir = OutputDir::begin(out, &FILES)?;
     if !mesh.vertices.is_empty() {
-        let (((asc, ply), glb), poster) = rayon::join(
-            || {
-                rayon::join(
-                    || rayon::join(|| write_asc(&dir, mesh), || write_ply(&dir, mesh)),
-                    || write_glb(&dir, mesh),
-                )
-            },
-            || write_poster(&dir, mesh),
-        );
-        asc.and(ply).and(glb).and(poster)?;
+        write_model(&dir, mesh)?;
     }
     dir.write_with("report.json", |file| {
-        serde_json::to_writer_pretty(&mut *file, report).map_err(io::Error::other)?;
+        serde_json::to_writer_pretty(&mut *file, report)?;
         io::Write::write_all(file, b"\n")
     })?;
     dir.commit()
+}
+
+/// Writes a model's files and its poster, all at the same time.
+fn write_model(dir: &OutputDir, mesh: &Mesh) -> Result<(), OutputError> {
+    let ((poster, asc), (ply, glb)) = rayon::join(
+        || rayon::join(|| write_poster(dir, mesh), || write_asc(dir, mesh)),
+        || rayon::join(|| write_ply(dir, mesh), || write_glb(dir, mesh)),
+    );
+    asc.and(ply).and(glb).and(poster)
 }
 
 fn write_asc(dir: &OutputDir, mesh: &Mesh) -> Result<(), OutputError> {
@@ -49,9 +52,9 @@ fn write_glb(dir: &OutputDir, mesh: &Mesh) -> Result<(), OutputError> {
 }
 
 fn write_poster(dir: &OutputDir, mesh: &Mesh) -> Result<(), OutputError> {
-    let poster = reconstruct::image::ColorImage::filled(8, 8, [255; 3]);
-    let _ = mesh;
+    let picture = poster::draw(mesh, &PosterConfig::default());
     dir.write_with("poster.png", |file| {
-        io::Write::write_all(file, &pictures::encode_color(&poster).map_err(io::Error::other)?)
+        let bytes = pictures::encode_small(&picture, POSTER_BYTES).map_err(io::Error::other)?;
+        io::Write::write_all(file, &bytes)
     })
 }

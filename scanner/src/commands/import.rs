@@ -8,7 +8,7 @@ use serde_json::json;
 
 use crate::cli::DONE;
 use crate::import::{self, ImportError, Kind, Options, model};
-use crate::output::OutputDir;
+use crate::result;
 use crate::ui::Ui;
 
 const AFTER_HELP: &str = "\
@@ -69,12 +69,8 @@ pub fn run(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
 
 fn run_model(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
     let mesh = model::read(&args.source)?;
-    let out = OutputDir::begin(&args.out, &model::MODEL_NAMES)?;
-    model::write_files(&mesh, &out)?;
     let name = args.source.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let report = model::report(&mesh, &name);
-    out.write("report.json", format!("{report:#}\n").as_bytes())?;
-    out.commit()?;
+    result::write(&args.out, &mesh, &model::report(&mesh, &name))?;
     let (points, triangles) = (mesh.vertices.len(), mesh.triangles.len());
     let words = format!("{points} points and {triangles} triangles, written to {}", args.out.display());
     ui.result(&words, &json!({"out": args.out, "points": points, "triangles": triangles}));

@@ -1,23 +1,15 @@
-//! Reads a finished model back and writes the outputs of a scan from it; and the files every model consists of.
+//! Reads a finished model back.
 
 use std::fs::File;
 use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 
 use reconstruct::mesh::Mesh;
-use reconstruct::model_file::{self, Kind, Limits, asc, glb, ply};
-use reconstruct::poster::{self, PosterConfig};
+use reconstruct::model_file::{self, Kind, Limits, glb};
 use serde_json::{Value, json};
 
 use super::ImportError;
-use crate::output::{OutputDir, OutputError};
 use crate::pictures;
-
-/// The files a built model consists of.
-pub const MODEL_NAMES: [&str; 5] = ["model.asc", "model.ply", "model.glb", "poster.png", "report.json"];
-
-/// Most bytes of a poster: it is the first picture a buyer sees.
-pub const POSTER_BYTES: usize = 100_000;
 
 /// Reads a model by its content, else by its name.
 pub fn read(path: &Path) -> Result<Mesh, ImportError> {
@@ -35,17 +27,6 @@ pub fn read(path: &Path) -> Result<Mesh, ImportError> {
         return glb::read_with_textures(reader, &Limits::default(), &mut decode).map_err(model);
     }
     model_file::read(kind, reader, &Limits::default()).map_err(model)
-}
-
-/// Writes `model.asc`, `model.ply`, `model.glb` and `poster.png`.
-pub fn write_files(mesh: &Mesh, out: &OutputDir) -> Result<(), OutputError> {
-    out.write_with("model.asc", |file| asc::write(&mesh.vertices, file))?;
-    out.write_with("model.ply", |file| ply::write(mesh, file))?;
-    out.write_with("model.glb", |file| glb::write(mesh, file))?;
-    let picture = poster::draw(mesh, &PosterConfig::default());
-    let bytes = pictures::encode_small(&picture, POSTER_BYTES)
-        .map_err(|e| OutputError::Io { path: "poster.png".into(), source: std::io::Error::other(e) })?;
-    out.write("poster.png", &bytes)
 }
 
 /// What can be said of a model nobody scanned: its extent along the axes.

@@ -1,89 +1,86 @@
-//! Fewer colours by median cut (Heckbert 1982) over a histogram of 5 bits a channel.
+//! Fewer colours by median cut (Heckbert 1982) over the picture's exact colours.
 
-/// Cells of the histogram: 5 bits a channel.
-const CELLS: usize = 1 << 15;
-
-/// One colour of the histogram: the sum of its pixels and how many.
+/// One colour and how many pixels have it.
 #[derive(Clone, Copy)]
-struct Cell {
-    number: usize,
-    sum: [u64; 3],
+struct Shade {
+    color: [u8; 3],
     count: u64,
+    /// Place in the sorted list of all colours.
+    number: usize,
 }
 
-impl Cell {
-    fn mean(&self, channel: usize) -> u64 {
-        self.sum[channel] / self.count
-    }
+/// Colours that become one, and how urgent it is to cut them in two.
+struct Group {
+    shades: Vec<Shade>,
+    channel: usize,
+    urgency: f64,
 }
 
 /// At most `colors` colours (up to 256) and for every pixel the number of its own.
 pub(super) fn reduce(pixels: &[[u8; 3]], colors: usize) -> (Vec<[u8; 3]>, Vec<u8>) {
-    let mut cells: Vec<Cell> = (0..CELLS).map(|number| Cell { number, sum: [0; 3], count: 0 }).collect();
-    for pixel in pixels {
-        let cell = &mut cells[cell_of(*pixel)];
-        cell.count += 1;
-        for (sum, value) in cell.sum.iter_mut().zip(pixel) {
-            *sum += u64::from(*value);
+    let shades = shades(pixels);
+    let sorted: Vec<[u8; 3]> = shades.iter().map(|shade| shade.color).collect();
+    let mut entry = vec![0u8; shades.len()];
+    let mut palette = Vec::new();
+    for group in cut(shades, colors.clamp(1, 256)) {
+        for shade in &group.shades {
+            entry[shade.number] = palette.len() as u8;
         }
+        palette.push(mean(&group.shades));
     }
-    cells.retain(|cell| cell.count > 0);
-    let boxes = cut(cells, colors.clamp(1, 256));
-    let mut number_of_cell = vec![0; CELLS];
-    let mut palette = Vec::with_capacity(boxes.len());
-    for cells in &boxes {
-        for cell in cells {
-            number_of_cell[cell.number] = palette.len() as u8;
-        }
-        let count: u64 = cells.iter().map(|cell| cell.count).sum();
-        palette.push(std::array::from_fn(|k| {
-            ((cells.iter().map(|cell| cell.sum[k]).sum::<u64>() + count / 2) / count.max(1)) as u8
-        }));
-    }
-    (palette, pixels.iter().map(|&pixel| number_of_cell[cell_of(pixel)]).collect())
+    let number = |pixel: &[u8; 3]| sorted.binary_search(pixel).map_or(0, |i| entry[i]);
+    (palette, pixels.iter().map(number).collect())
 }
 
-fn cell_of([r, g, b]: [u8; 3]) -> usize {
-    (usize::from(r) >> 3) << 10 | (usize::from(g) >> 3) << 5 | usize::from(b) >> 3
+fn shades(pixels: &[[u8; 3]]) -> Vec<Shade> {
+    let mut sorted = pixels.to_vec();
+    sorted.sort_unstable();
+    let runs = sorted.chunk_by(|a, b| a == b).enumerate();
+    runs.map(|(number, run)| Shade { color: run[0], count: run.len() as u64, number }).collect()
 }
 
-/// Cuts the box with the widest spread, weighted by the root of its pixels, until there are enough.
-fn cut(cells: Vec<Cell>, colors: usize) -> Vec<Vec<Cell>> {
-    let mut boxes = vec![cells];
-    while boxes.len() < colors {
-        let widest =
-            boxes.iter().enumerate().map(|(i, cells)| (urgency(cells), i)).max_by(|a, b| a.0.total_cmp(&b.0));
-        let Some((spread, i)) = widest.filter(|(spread, _)| *spread > 0.0) else { break };
-        debug_assert!(spread.is_finite());
-        let mut cells = boxes.swap_remove(i);
-        let channel = widest_channel(&cells).0;
-        cells.sort_by_key(|cell| (cell.mean(channel), cell.number));
-        let half = cells.iter().map(|cell| cell.count).sum::<u64>() / 2;
+fn mean(shades: &[Shade]) -> [u8; 3] {
+    let count: u64 = shades.iter().map(|shade| shade.count).sum();
+    std::array::from_fn(|k| {
+        let sum: u64 = shades.iter().map(|shade| shade.count * u64::from(shade.color[k])).sum();
+        ((sum + count / 2) / count.max(1)) as u8
+    })
+}
+
+impl Group {
+    fn new(shades: Vec<Shade>) -> Self {
+        let count: u64 = shades.iter().map(|shade| shade.count).sum();
+        let spread = |k: usize| {
+            let values = || shades.iter().map(|shade| shade.color[k]);
+            values().max().unwrap_or(0) - values().min().unwrap_or(0)
+        };
+        let (channel, spread) =
+            (0..3).map(|k| (k, spread(k))).max_by_key(|(_, spread)| *spread).unwrap_or((0, 0));
+        // Wide steps in large even areas, as in a shadow, are seen first.
+        let urgency = if shades.len() < 2 { 0.0 } else { f64::from(spread).powi(2) * (count as f64).sqrt() };
+        Self { shades, channel, urgency }
+    }
+}
+
+/// Cuts the most urgent group at its median until there are enough.
+fn cut(shades: Vec<Shade>, colors: usize) -> Vec<Group> {
+    let mut groups = vec![Group::new(shades)];
+    while groups.len() < colors {
+        let most =
+            groups.iter().enumerate().max_by(|a, b| a.1.urgency.total_cmp(&b.1.urgency)).map(|(i, _)| i);
+        let Some(i) = most.filter(|&i| groups[i].urgency > 0.0) else { break };
+        let Group { mut shades, channel, .. } = groups.swap_remove(i);
+        shades.sort_unstable_by_key(|shade| (shade.color[channel], shade.number));
+        let half = shades.iter().map(|shade| shade.count).sum::<u64>() / 2;
         let mut passed = 0;
-        let middle = cells.iter().position(|cell| {
-            passed += cell.count;
+        let middle = shades.iter().position(|shade| {
+            passed += shade.count;
             passed > half
         });
-        let upper = cells.split_off(middle.unwrap_or(1).clamp(1, cells.len() - 1));
-        boxes.extend([cells, upper]);
+        let upper = shades.split_off(middle.unwrap_or(1).clamp(1, shades.len() - 1));
+        groups.extend([Group::new(shades), Group::new(upper)]);
     }
-    boxes
-}
-
-fn widest_channel(cells: &[Cell]) -> (usize, u64) {
-    let spread = |k: usize| {
-        let means = || cells.iter().map(move |cell| cell.mean(k));
-        means().max().unwrap_or(0) - means().min().unwrap_or(0)
-    };
-    (0..3).map(|k| (k, spread(k))).max_by_key(|(_, spread)| *spread).unwrap_or((0, 0))
-}
-
-fn urgency(cells: &[Cell]) -> f64 {
-    if cells.len() < 2 {
-        return 0.0;
-    }
-    let count = cells.iter().map(|cell| cell.count).sum::<u64>() as f64;
-    (widest_channel(cells).1.max(1)) as f64 * count.sqrt()
+    groups
 }
 
 #[cfg(test)]
