@@ -22,8 +22,10 @@ use crate::pose::Pose;
 /// How to place.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GlobalConfig {
-    /// What a link must reach.
+    /// What a link must reach that was followed from a guess.
     pub acceptance: Acceptance,
+    /// What a link must reach that was found from nothing, where look-alikes are many.
+    pub acceptance_of_found: Acceptance,
     /// Links of a view beside the one it was placed by.
     pub extra_links: usize,
     /// Views farther apart in direction than this are not linked, radians.
@@ -38,9 +40,10 @@ impl Default for GlobalConfig {
     fn default() -> Self {
         Self {
             acceptance: Acceptance::default(),
+            acceptance_of_found: Acceptance::strict(),
             extra_links: 3,
             max_link_angle: 0.75,
-            feature_candidates: 8,
+            feature_candidates: 4,
             seed: 0,
         }
     }
@@ -88,8 +91,15 @@ pub fn place_views(views: &[RegisterView], config: &GlobalConfig) -> Placement {
     let (moving, cut) = motion::decide(views);
     let views: &[RegisterView] = cut.as_deref().unwrap_or(views);
     let mut search = Search::new(views, config);
-    search.follow_sequence();
-    search.find_rest();
+    // The view to start from may itself be the one that doesn't fit.
+    for start in [0, views.len() / 2] {
+        search.start_from(start);
+        search.follow_sequence();
+        search.find_rest();
+        if 2 * search.placed() > views.len() {
+            break;
+        }
+    }
     search.link_neighbours();
     search.relax();
     search.measure_anew();
@@ -102,6 +112,7 @@ struct Search<'a> {
     anchors: Vec<Anchor<'a>>,
     features: Vec<Option<Features>>,
     config: &'a GlobalConfig,
+    start: usize,
     poses: Vec<Option<Pose>>,
     pairs: Vec<PairLink>,
     best_failure: Vec<Option<(Agreement, &'static str)>>,
@@ -109,26 +120,38 @@ struct Search<'a> {
 
 impl<'a> Search<'a> {
     fn new(views: &'a [RegisterView], config: &'a GlobalConfig) -> Self {
-        let mut poses = vec![None; views.len()];
-        if let Some(first) = poses.first_mut() {
-            *first = Some(Pose::identity());
-        }
         Self {
             views,
             anchors: views.par_iter().map(Anchor::new).collect(),
             features: vec![None; views.len()],
             config,
-            poses,
+            start: 0,
+            poses: vec![None; views.len()],
             pairs: Vec::new(),
             best_failure: vec![None; views.len()],
         }
     }
 
+    /// Forgets everything and takes view `start` as the first to stand.
+    fn start_from(&mut self, start: usize) {
+        self.start = start;
+        self.pairs.clear();
+        self.poses.fill(None);
+        self.best_failure.fill(None);
+        if let Some(first) = self.poses.get_mut(start) {
+            *first = Some(Pose::identity());
+        }
+    }
+
+    fn placed(&self) -> usize {
+        self.poses.iter().flatten().count()
+    }
+
     /// Notes a link if it can be believed, and whether it was.
-    fn accept(&mut self, target: usize, source: usize, link: Option<&Link>) -> bool {
+    fn accept(&mut self, target: usize, source: usize, link: Option<&Link>, acceptance: &Acceptance) -> bool {
         let Some(link) = link else { return false };
         let link = *link;
-        match self.config.acceptance.judge(&link.agreement) {
+        match acceptance.judge(&link.agreement) {
             Ok(()) => {
                 self.pairs.push(PairLink { target, source, link, weight: 1.0 });
                 true
@@ -143,23 +166,31 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Follows every view from the placed one before it, at rest or moving on as before.
+    /// Follows the views after the first to stand, then those before it backwards.
     fn follow_sequence(&mut self) {
+        let (start, count) = (self.start, self.views.len());
+        self.follow_one_way(start + 1..count);
+        self.follow_one_way((0..start.min(count)).rev());
+    }
+
+    /// Follows every view from the last one placed, at rest or moving on as before.
+    fn follow_one_way(&mut self, order: impl Iterator<Item = usize>) {
         let mut step = Pose::identity();
-        let mut last = 0;
-        for i in 1..self.views.len() {
+        let mut last = self.start;
+        for i in order {
+            let next_one = last.abs_diff(i) == 1;
             let mut guesses = vec![Pose::identity()];
-            if step != Pose::identity() && last + 1 == i {
+            if step != Pose::identity() && next_one {
                 guesses.insert(0, step);
             }
             let link = follow(&self.views[i], &self.anchors[last], &guesses);
-            if self.accept(last, i, link.as_ref())
+            if self.accept(last, i, link.as_ref(), &self.config.acceptance)
                 && let (Some(link), Some(pose)) = (link, self.poses[last])
             {
-                step = if last + 1 == i { link.target_from_source } else { Pose::identity() };
+                step = if next_one { link.target_from_source } else { Pose::identity() };
                 self.poses[i] = Some(pose * link.target_from_source);
                 last = i;
-            } else if i - last > 3 {
+            } else if last.abs_diff(i) > 3 {
                 break; // not a stream: features must place the rest
             }
         }
@@ -196,16 +227,17 @@ impl<'a> Search<'a> {
             }
         }
         let (all, seed) = (&self.features, self.config.seed);
+        let acceptance = &self.config.acceptance_of_found;
         let links: Vec<(usize, Option<Link>)> = placed
             .par_iter()
             .map(|j| {
                 let pair = all[i].as_ref().zip(all[*j].as_ref());
-                (*j, pair.and_then(|(a, b)| find(&self.views[i], a, &self.anchors[*j], b, seed)))
+                (*j, pair.and_then(|(a, b)| find(&self.views[i], a, &self.anchors[*j], b, acceptance, seed)))
             })
             .collect();
         let mut best: Option<(f64, Pose)> = None;
         for (j, link) in links {
-            if self.accept(j, i, link.as_ref())
+            if self.accept(j, i, link.as_ref(), &self.config.acceptance_of_found)
                 && let (Some(link), Some(pose)) = (link, self.poses[j])
             {
                 let score = link.agreement.score();
@@ -228,7 +260,7 @@ impl<'a> Search<'a> {
             })
             .collect();
         for ((target, source), link) in wanted.into_iter().zip(links) {
-            self.accept(target, source, link.as_ref());
+            self.accept(target, source, link.as_ref(), &self.config.acceptance);
         }
     }
 
@@ -275,9 +307,10 @@ impl<'a> Search<'a> {
                 information: pair.link.information * independence(&pair.link),
             })
             .collect();
+        let fixed = index(self.start);
         // First with a wide kernel, so that drift is not taken for wrong links.
-        let wide = optimise(&start, &edges, 0, 60.0, 15);
-        let tight = optimise(&wide.world_from_view, &edges, 0, 12.0, 15);
+        let wide = optimise(&start, &edges, fixed, 60.0, 15);
+        let tight = optimise(&wide.world_from_view, &edges, fixed, 12.0, 15);
         for (i, pose) in placed.iter().zip(&tight.world_from_view) {
             self.poses[*i] = Some(*pose);
         }
@@ -318,7 +351,7 @@ impl<'a> Search<'a> {
 
     fn into_placement(self, moving: Moving) -> Placement {
         let count = self.views.len();
-        let connected = connected(count, &self.pairs);
+        let connected = connected(count, self.start, &self.pairs);
         let verdicts = (0..count)
             .map(|i| {
                 let of_view = self.pairs.iter().filter(|p| p.source == i || p.target == i);
@@ -335,7 +368,14 @@ impl<'a> Search<'a> {
                 ViewVerdict { placed, reason, agreement: best }
             })
             .collect();
-        let world_from_view = (0..count).map(|i| self.poses[i].filter(|_| connected[i])).collect();
+        let mut world_from_view: Vec<Option<Pose>> =
+            (0..count).map(|i| self.poses[i].filter(|_| connected[i])).collect();
+        if let Some(first) = world_from_view.iter().flatten().next().copied() {
+            let world_from_start = first.inverse();
+            for pose in world_from_view.iter_mut().flatten() {
+                *pose = world_from_start * *pose;
+            }
+        }
         Placement { world_from_view, verdicts, pairs: self.pairs, moving }
     }
 }
@@ -346,10 +386,10 @@ fn independence(link: &Link) -> f64 {
     INDEPENDENT / (link.agreement.points.max(1) as f64).max(INDEPENDENT)
 }
 
-/// Views that trusted links connect with the first one. Alone, the first view is placed.
-fn connected(count: usize, pairs: &[PairLink]) -> Vec<bool> {
+/// Views that trusted links connect with the one to start from. That one is placed even alone.
+fn connected(count: usize, start: usize, pairs: &[PairLink]) -> Vec<bool> {
     let mut reached = vec![false; count];
-    if let Some(first) = reached.first_mut() {
+    if let Some(first) = reached.get_mut(start) {
         *first = true;
     }
     loop {
