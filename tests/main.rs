@@ -2,4 +2,5 @@
 
 mod files;
 mod markers;
+mod simulate;
 mod story;

@@ -22,6 +22,9 @@ const SURFACE_LIMIT_MM: f64 = 1.0;
 /// Farther from the truth than this is an outlier, metres.
 const OUTLIER: f32 = 0.003;
 
+/// Takes one figure from a scan.
+type Figure = fn(&Judged) -> f64;
+
 /// Accuracy over many simulated scans.
 #[derive(Debug, Parser)]
 struct Args {
@@ -149,7 +152,7 @@ fn line(j: &Judged) -> String {
 
 fn print_summary(all: &[Judged]) {
     println!("{:24} {:>8} {:>8} {:>8}", "over all scans", "median", "p95", "worst");
-    let figures: [(&str, fn(&Judged) -> f64); 7] = [
+    let figures: [(&str, Figure); 7] = [
         ("pose median, mm", |j| j.pose_median),
         ("pose worst view, mm", |j| j.pose_max),
         ("pose worst view, degrees", |j| j.degrees_max),

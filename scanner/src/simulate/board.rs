@@ -67,16 +67,19 @@ pub fn ring(paper: Paper, family: Family) -> KnownBoard {
         }
     }
     let inner = |length: f64| 0.5 * length - MARGIN - side - MARGIN;
-    let (x, y) = (inner(width), inner(height));
+    let (x, y) = (in_micrometres(inner(width)), in_micrometres(inner(height)));
     KnownBoard { version: 1, family, tags, inner_region_m: vec![[-x, -y], [x, -y], [x, y], [-x, y]] }
 }
 
 fn upright(id: u32, x: f64, y: f64, side: f64) -> Tag {
     let h = 0.5 * side;
-    Tag {
-        id,
-        corners_m: [[x - h, y + h, 0.0], [x + h, y + h, 0.0], [x + h, y - h, 0.0], [x - h, y - h, 0.0]],
-    }
+    let corners = [[x - h, y + h], [x + h, y + h], [x + h, y - h], [x - h, y - h]];
+    Tag { id, corners_m: corners.map(|[x, y]| [in_micrometres(x), in_micrometres(y), 0.0]) }
+}
+
+/// The nearest whole micrometre, so that files hold short numbers that are read back to the last bit.
+fn in_micrometres(metres: f64) -> f64 {
+    (metres * 1e6).round() / 1e6
 }
 
 /// A board ready to be looked at.

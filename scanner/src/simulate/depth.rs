@@ -147,9 +147,10 @@ impl<'a> DepthView<'a> {
         let warp = self.sensor.warp_px.get(i).copied().unwrap_or(0.0);
         let disparity =
             fb / (depth * (1.0 + self.sensor.scale_error)) + f64::from(warp + self.sigma[i] * noise(0));
-        let rounded = (disparity * STEPS).round() / STEPS;
+        // Both are positive: cutting off after adding a half rounds.
+        let rounded = f64::from((disparity * STEPS + 0.5) as u32) / STEPS;
         let measured = fb / rounded.max(1.0 / STEPS);
-        if measured < RANGE.0 || measured > RANGE.1 { 0 } else { (measured * 1000.0).round() as u16 }
+        if measured < RANGE.0 || measured > RANGE.1 { 0 } else { (measured * 1000.0 + 0.5) as u16 }
     }
 
     /// Where the jitter jumped over an edge, the matching window sometimes sees both sides: a flying pixel.
@@ -250,7 +251,7 @@ mod tests {
 
     fn rms(errors: impl Iterator<Item = f64>) -> f64 {
         let (sum, count) = errors.fold((0.0, 0.0), |(s, n), e| (s + e * e, n + 1.0));
-        (sum / count as f64).sqrt()
+        f64::sqrt(sum / count)
     }
 
     #[test]

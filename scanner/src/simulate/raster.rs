@@ -93,7 +93,7 @@ impl Hits {
     /// What lies at a place in the image, pixels; `None` outside the image and where nothing was drawn.
     pub fn at(&self, u: f64, v: f64) -> Option<Hit> {
         let s = self.supersample as f64;
-        let (x, y) = (((u + 0.5) * s).floor(), ((v + 0.5) * s).floor());
+        let (x, y) = ((u + 0.5) * s, (v + 0.5) * s);
         let (wide, tall) =
             (self.camera.width as usize * self.supersample, self.camera.height as usize * self.supersample);
         if x < 0.0 || y < 0.0 || x >= wide as f64 || y >= tall as f64 {

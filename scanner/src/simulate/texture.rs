@@ -36,7 +36,8 @@ fn lattice(x: i32, y: i32, z: i32, seed: u32) -> f32 {
 
 /// Smooth noise in 0..1 with one bump about every unit.
 pub fn noise(p: Vec3, seed: u32) -> f32 {
-    let cell = p.map(f32::floor);
+    // Cheaper than `floor`, which is a call on plain x86-64.
+    let cell = p.map(|v| (v as i32 - i32::from(v < 0.0)) as f32);
     let [x, y, z] = [cell.x as i32, cell.y as i32, cell.z as i32];
     let t = (p - cell).map(|v| v * v * (3.0 - 2.0 * v));
     let line = |y: i32, z: i32| {
