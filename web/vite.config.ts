@@ -1,5 +1,4 @@
 import { defineConfig } from "vite";
-import { precompress } from "./build/precompress.ts";
 
 const apiServer = process.env.PRODUCT_SERVER_URL ?? "http://127.0.0.1:8080";
 
@@ -11,6 +10,5 @@ export default defineConfig({
     modulePreload: { polyfill: false },
     chunkSizeWarningLimit: 800,
   },
-  plugins: [precompress()],
-  server: { proxy: { "/api": apiServer, "/healthz": apiServer } },
+  server: { proxy: { "/api": apiServer } },
 });

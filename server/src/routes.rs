@@ -61,9 +61,24 @@ fn api() -> OpenApiRouter<App> {
 
 /// The description of the API, as it is served and committed.
 pub fn openapi_json() -> String {
-    let mut text = api().into_openapi().to_pretty_json().unwrap_or_default();
+    let mut api = api().into_openapi();
+    name_operations(&mut api);
+    let mut text = api.to_pretty_json().unwrap_or_default();
     text.push('\n');
     text
+}
+
+/// Handlers of two resources may share a name, operations may not: `list` of the products becomes `products_list`.
+fn name_operations(api: &mut utoipa::openapi::OpenApi) {
+    for item in api.paths.paths.values_mut() {
+        let methods =
+            [&mut item.get, &mut item.put, &mut item.post, &mut item.delete, &mut item.head, &mut item.patch];
+        for operation in methods.into_iter().flatten() {
+            let tag = operation.tags.as_ref().and_then(|tags| tags.first()).cloned().unwrap_or_default();
+            let name = operation.operation_id.take().unwrap_or_default();
+            operation.operation_id = Some(format!("{tag}_{name}"));
+        }
+    }
 }
 
 /// Everything the server answers.

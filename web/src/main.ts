@@ -1,7 +1,7 @@
 // Wiring: the address chooses the page; leaving a page ends all that it started.
 import "./style.css";
 import { api } from "./api/client";
-import type { User } from "./api/types";
+import type { SessionUser } from "./api/types";
 import type { Access, PageContent, PageContext, Route } from "./page";
 import { account } from "./pages/account";
 import { create } from "./pages/create";
@@ -33,7 +33,7 @@ const ROUTES: readonly Route[] = [
 
 const root = document.getElementById("app") ?? document.body;
 const layout = makeLayout(root, () => void logout());
-let user: User | null = null;
+let user: SessionUser | null = null;
 let leaving = new AbortController();
 let isFirstPage = true;
 
@@ -42,21 +42,32 @@ function showPage(): void {
   leaving = new AbortController();
   const { pathname, search } = location;
   const { title, content } = contentFor(pathname, new URLSearchParams(search));
-  document.title = title === texts.siteName ? title : `${title} · ${texts.siteName}`;
   layout.showUser(user, pathname);
   layout.main.replaceChildren(content);
-  // The first page is read from its top by the browser itself.
-  if (!isFirstPage) {
-    layout.main.focus({ preventScroll: true });
-    layout.announce(title);
-  }
+  setTitle(title);
+  if (!isFirstPage) layout.main.focus({ preventScroll: true });
   isFirstPage = false;
+}
+
+function setTitle(title: string): void {
+  const isPlain = title === texts.siteName;
+  document.title = isPlain ? title : `${title} · ${texts.siteName}`;
+  // The first page is read from its top by itself; a plain title says that the real one is on its way.
+  if (!isFirstPage && !isPlain) layout.announce(title);
 }
 
 function contentFor(path: string, query: URLSearchParams): PageContent {
   const match = matchRoute(ROUTES, path);
   if (!match) return message(texts.errors.notFoundTitle, texts.errors.notFound);
-  const context: PageContext = { params: match.params, query, user, signal: leaving.signal, go, enter };
+  const context: PageContext = {
+    params: match.params,
+    query,
+    user,
+    signal: leaving.signal,
+    go,
+    setTitle,
+    enter,
+  };
   if (mayOpen(match.route.access)) return match.route.page(context);
   if (user) return message(texts.errors.notFoundTitle, texts.errors.adminOnly);
   return login({ ...context, query: new URLSearchParams({ next: path }) });

@@ -35,7 +35,7 @@ pub(super) struct ManagedList {
 }
 
 /// Sellers see their own listings, admins all.
-#[utoipa::path(get, path = "/api/manage/products", tag = "products", params(Search),
+#[utoipa::path(get, path = "/api/manage/products", operation_id = "list_managed", tag = "products", params(Search),
     responses((status = 200, body = ManagedList), (status = 401, body = Problem)))]
 pub(super) async fn list(
     State(app): State<App>,

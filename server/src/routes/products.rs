@@ -42,7 +42,7 @@ pub(super) struct Search {
     #[param(value_type = Option<Category>)]
     category: Option<Category>,
     #[serde(default)]
-    #[param(required = false)]
+    #[param(required = false, inline)]
     sort: Sort,
     page: Option<i64>,
     per_page: Option<i64>,

@@ -22,8 +22,9 @@ test("seller uploads, admin activates, buyer turns it round", async ({ browser, 
     await expect(page.getByRole("heading", { level: 1, name: `Edit “${TITLE}”` })).toBeVisible();
   });
 
-  await test.step("the seller completes the details; the first view becomes the picture", async () => {
+  await test.step("the seller chooses the picture and completes the details", async () => {
     await settled(page, 30_000);
+    await page.getByRole("button", { name: "Use this view as the picture" }).click();
     await expect(page.getByText("The picture is saved.")).toBeVisible();
     await page.getByLabel("Price").fill("12.50");
     await page.getByLabel("Category").selectOption("Toys");

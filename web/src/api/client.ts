@@ -1,17 +1,21 @@
 // The server's API as functions. Every failure is an ApiError whose message can be shown to a person.
 import { texts } from "../texts";
+import type { components, paths } from "./schema";
 import type {
-  GalleryPage,
-  ManageItem,
-  Paged,
+  Gallery,
+  ManagedList,
+  NewProduct,
   Product,
-  ProductEdit,
+  ProductChange,
   Role,
+  Scope,
+  SessionUser,
   Status,
-  TokenItem,
+  UploadKind,
   User,
-  UserItem,
 } from "./types";
+
+type Schemas = components["schemas"];
 
 export class ApiError extends Error {
   /** `status` 0: no answer came. `code` is the problem's machine-readable name. */
@@ -76,7 +80,10 @@ function withQuery(path: string, query: Record<string, string | number>): string
   return filled.length > 0 ? `${path}?${search}` : path;
 }
 
-const productPath = (id: string) => `/api/products/${encodeURIComponent(id)}`;
+/** A path that the server's description names, with its open parts filled. */
+function at(path: keyof paths, id = ""): string {
+  return path.replace("{id}", encodeURIComponent(id));
+}
 
 export interface GalleryQuery {
   readonly q: string;
@@ -94,43 +101,45 @@ export interface ManageQuery {
 }
 
 export const api = {
-  session: () => request<{ user: User | null }>("GET", "/api/session"),
+  session: () => request<{ user: SessionUser | null }>("GET", at("/api/session")),
   login: (name: string, password: string) =>
-    request<{ user: User }>("POST", "/api/session", { json: { name, password } }),
-  logout: () => request<void>("DELETE", "/api/session"),
+    request<Schemas["Session"]>("POST", at("/api/session"), { json: { name, password } }),
+  logout: () => request<void>("DELETE", at("/api/session")),
   setup: (token: string, name: string, password: string) =>
-    request<void>("POST", "/api/setup", { json: { token, name, password } }),
+    request<Schemas["Session"]>("POST", at("/api/setup"), { json: { token, name, password } }),
   changePassword: (current: string, next: string) =>
-    request<void>("POST", "/api/account/password", { json: { current, new: next } }),
+    request<void>("POST", at("/api/account/password"), { json: { current, new: next } }),
 
-  users: (signal: AbortSignal) => request<{ items: UserItem[] }>("GET", "/api/users", { signal }),
+  users: (signal: AbortSignal) => request<Schemas["UserList"]>("GET", at("/api/users"), { signal }),
   addUser: (name: string, password: string, role: Role) =>
-    request<UserItem>("POST", "/api/users", { json: { name, password, role } }),
-  changeUser: (id: string, change: { role?: Role; disabled?: boolean; password?: string }) =>
-    request<UserItem>("PATCH", `/api/users/${encodeURIComponent(id)}`, { json: change }),
+    request<User>("POST", at("/api/users"), { json: { name, password, role } }),
+  changeUser: (id: string, change: Schemas["UserChange"]) =>
+    request<User>("PATCH", at("/api/users/{id}", id), { json: change }),
 
-  tokens: (signal: AbortSignal) => request<{ items: TokenItem[] }>("GET", "/api/tokens", { signal }),
-  addToken: (name: string, scopes: string[], days: number | null) =>
-    request<{ token: string; item: TokenItem }>("POST", "/api/tokens", {
-      json: days === null ? { name, scopes } : { name, scopes, expires_in_days: days },
+  tokens: (signal: AbortSignal) => request<Schemas["TokenList"]>("GET", at("/api/tokens"), { signal }),
+  addToken: (name: string, scopes: Scope[], days: number | null) =>
+    request<Schemas["TokenMade"]>("POST", at("/api/tokens"), {
+      json: { name, scopes, expires_in_days: days },
     }),
-  revokeToken: (id: string) => request<void>("DELETE", `/api/tokens/${encodeURIComponent(id)}`),
+  revokeToken: (id: string) => request<void>("DELETE", at("/api/tokens/{id}", id)),
 
   gallery: (query: GalleryQuery, signal: AbortSignal) =>
-    request<GalleryPage>("GET", withQuery("/api/products", { ...query }), { signal }),
+    request<Gallery>("GET", withQuery(at("/api/products"), { ...query }), { signal }),
   manage: (query: ManageQuery, signal: AbortSignal) =>
-    request<Paged<ManageItem>>("GET", withQuery("/api/manage/products", { ...query }), { signal }),
+    request<ManagedList>("GET", withQuery(at("/api/manage/products"), { ...query }), { signal }),
   product: (id: string, signal?: AbortSignal) =>
-    request<Product>("GET", productPath(id), signal ? { signal } : {}),
-  create: (edit: ProductEdit & { title: string }) =>
-    request<Product>("POST", "/api/products", { json: edit }),
-  edit: (id: string, version: number, edit: ProductEdit) =>
-    request<Product>("PATCH", productPath(id), { json: edit, headers: { "if-match": `"v${version}"` } }),
+    request<Product>("GET", at("/api/products/{id}", id), signal ? { signal } : {}),
+  create: (product: NewProduct) => request<Product>("POST", at("/api/products"), { json: product }),
+  edit: (id: string, version: number, change: ProductChange) =>
+    request<Product>("PATCH", at("/api/products/{id}", id), {
+      json: change,
+      headers: { "if-match": `"v${version}"` },
+    }),
   setStatus: (id: string, status: Status) =>
-    request<Product>("POST", `${productPath(id)}/status`, { json: { status } }),
-  remove: (id: string) => request<void>("DELETE", productPath(id)),
-  upload: (id: string, kind: "model" | "poster" | "report", file: Blob, name: string, progress?: Progress) =>
-    upload(`${productPath(id)}/${kind}`, file, name, progress),
+    request<Product>("POST", at("/api/products/{id}/status", id), { json: { status } }),
+  remove: (id: string) => request<void>("DELETE", at("/api/products/{id}", id)),
+  upload: (id: string, kind: UploadKind, file: Blob, name: string, progress?: Progress) =>
+    upload(at(`/api/products/{id}/${kind}`, id), file, name, progress),
 };
 
 export type Progress = (share: number) => void;

@@ -1,6 +1,6 @@
 // The form with a listing's details. Two people may have it open at once: the second to save is told and chooses.
 import { ApiError, api } from "../api/client";
-import type { Product, ProductEdit } from "../api/types";
+import type { Category, Condition, Product, ProductChange } from "../api/types";
 import { formatPrice, named, parsePrice, priceInput } from "../format";
 import { texts } from "../texts";
 import { button, h } from "../ui/dom";
@@ -29,7 +29,7 @@ export function detailsForm(edited: Edited, reload: () => void): HTMLElement {
     }
   }
 
-  function showConflict(theirs: Product, mine: ProductEdit, notice: Notice): void {
+  function showConflict(theirs: Product, mine: ProductChange, notice: Notice): void {
     const keepMine = async () => {
       edited.version = theirs.version;
       try {
@@ -63,7 +63,7 @@ export function detailsForm(edited: Edited, reload: () => void): HTMLElement {
 
 interface Fields {
   readonly elements: HTMLElement[];
-  read(): ProductEdit;
+  read(): ProductChange;
 }
 
 function makeFields(product: Product): Fields {
@@ -88,7 +88,7 @@ function makeFields(product: Product): Fields {
   const known = new Set(product.currency ? [...CURRENCIES, product.currency] : CURRENCIES);
   const currencies = Object.fromEntries([...known].map((code) => [code, code]));
   const currency = select(f.currency, currencies, product.currency ?? "EUR", { name: "currency" });
-  const category = select(f.category, { ...unset, ...texts.categories }, product.category ?? "", {
+  const category = select(f.category, texts.categories, product.category, {
     name: "category",
   });
   const condition = select(f.condition, { ...unset, ...texts.conditions }, product.condition ?? "", {
@@ -105,21 +105,21 @@ function makeFields(product: Product): Fields {
         title: name,
         description: description.control.value,
         ...readPrice(price.control.value, currency.control.value),
-        category: category.control.value || null,
-        condition: condition.control.value || null,
+        category: category.control.value as Category,
+        condition: (condition.control.value || null) as Condition | null,
       };
     },
   };
 }
 
-function readPrice(text: string, currency: string): Pick<ProductEdit, "price_minor" | "currency"> {
+function readPrice(text: string, currency: string): Pick<ProductChange, "price_minor" | "currency"> {
   if (text.trim() === "") return { price_minor: null, currency: null };
   const minor = parsePrice(text, currency);
   if (minor === null) throw new ApiError(0, "price", t.priceBad);
   return { price_minor: minor, currency };
 }
 
-function differences(theirs: Product, mine: ProductEdit): string[] {
+function differences(theirs: Product, mine: ProductChange): string[] {
   const f = t.fields;
   const values: [string, string, string][] = [
     [f.title, theirs.title, mine.title ?? ""],

@@ -1,6 +1,6 @@
 // A listing's details, its status, its model and picture.
 import { ApiError, api } from "../api/client";
-import type { Model, Product, Status, User } from "../api/types";
+import type { Product, ProductModel, SessionUser, Status } from "../api/types";
 import { named } from "../format";
 import type { Page, PageContext } from "../page";
 import { texts } from "../texts";
@@ -18,7 +18,7 @@ export const edit: Page = (context) => {
   const content = loaded(context.signal, async () => {
     try {
       const product = await api.product(context.params.id ?? "", context.signal);
-      document.title = `${t.title(product.title)} · ${texts.siteName}`;
+      context.setTitle(t.title(product.title));
       return editor(product, context);
     } catch (error) {
       if (!(error instanceof ApiError) || error.status !== 404) throw error;
@@ -97,7 +97,7 @@ function statusBlock(
   );
 }
 
-function mayActivate(product: Product, user: User | null): boolean {
+function mayActivate(product: Product, user: SessionUser | null): boolean {
   return user?.role === "admin" && product.model !== null;
 }
 
@@ -125,8 +125,8 @@ function modelBlock(edited: Edited, context: PageContext, notice: Notice, reload
   return box;
 }
 
-/** The 3D view with a button that makes its present picture the listing's; a listing without one gets it at once. */
-function modelView(edited: Edited, model: Model, signal: AbortSignal, notice: Notice): HTMLElement {
+/** The 3D view with a button that makes its present picture the listing's. */
+function modelView(edited: Edited, model: ProductModel, signal: AbortSignal, notice: Notice): HTMLElement {
   const { product } = edited;
   let viewer: Viewer | null = null;
   const take = () =>
@@ -144,7 +144,6 @@ function modelView(edited: Edited, model: Model, signal: AbortSignal, notice: No
     signal,
     onLoaded: (loadedViewer) => {
       viewer = loadedViewer;
-      if (product.poster_url === null) void take();
     },
   });
   return h(

@@ -1,6 +1,6 @@
 // The shop: cards with search, category, order and paging, all of it in the address.
 import { api, type GalleryQuery } from "../api/client";
-import type { GalleryPage, ProductCard } from "../api/types";
+import type { Gallery, ProductCard } from "../api/types";
 import { formatPrice, formatSize, named } from "../format";
 import type { Page, PageContext } from "../page";
 import { texts } from "../texts";
@@ -82,7 +82,7 @@ function searchForm(query: GalleryQuery, { go }: PageContext): HTMLElement {
   return form;
 }
 
-function results(page: GalleryPage, query: GalleryQuery): Node {
+function results(page: Gallery, query: GalleryQuery): Node {
   if (page.items.length === 0) return nothing(query);
   const list = h("ul", { class: "cards" }, ...page.items.map(card));
   const paging = { page: page.page, perPage: page.per_page, total: page.total };

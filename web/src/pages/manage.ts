@@ -1,7 +1,7 @@
 // The table of listings: all of them for admins, a seller's own for sellers. One click shows a listing to the public or
 // hides it; its name leads to its details.
 import { api, type ManageQuery } from "../api/client";
-import type { ManageItem, Paged, User } from "../api/types";
+import type { ManagedCard, ManagedList, SessionUser } from "../api/types";
 import { formatDate, formatPrice, named } from "../format";
 import type { Page, PageContext } from "../page";
 import { texts } from "../texts";
@@ -65,7 +65,7 @@ function searchForm(query: ManageQuery, { go }: PageContext): HTMLElement {
   return form;
 }
 
-function results(page: Paged<ManageItem>, query: ManageQuery, user: User | null, notice: Notice): Node {
+function results(page: ManagedList, query: ManageQuery, user: SessionUser | null, notice: Notice): Node {
   if (page.items.length === 0) {
     const isFiltered = query.q !== "" || query.status !== "" || query.page > 1;
     return empty(t.emptyTitle, isFiltered ? t.emptyFiltered : t.empty);
@@ -87,7 +87,7 @@ function results(page: Paged<ManageItem>, query: ManageQuery, user: User | null,
   );
 }
 
-function row(item: ManageItem, user: User | null, notice: Notice): HTMLElement {
+function row(item: ManagedCard, user: SessionUser | null, notice: Notice): HTMLElement {
   const cell = (label: string, ...children: (Node | string)[]) =>
     h("td", { "data-label": label }, ...children);
   const element = h(
@@ -109,10 +109,10 @@ function row(item: ManageItem, user: User | null, notice: Notice): HTMLElement {
 
 /** The one click that shows a listing to everybody, or hides it again. */
 function publicSwitch(
-  item: ManageItem,
-  user: User | null,
+  item: ManagedCard,
+  user: SessionUser | null,
   notice: Notice,
-  onChanged: (item: ManageItem) => void,
+  onChanged: (item: ManagedCard) => void,
 ): Node {
   const isActive = item.status === "active";
   if (!isActive && !item.has_model) return h("span", { class: "hint" }, t.noModelYet);

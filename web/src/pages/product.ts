@@ -1,6 +1,6 @@
 // A listing as a buyer sees it: the 3D view and, in words, all that it shows.
 import { ApiError, api } from "../api/client";
-import type { Model, Product, Scan } from "../api/types";
+import type { Product, ProductModel, ProductScan } from "../api/types";
 import * as format from "../format";
 import type { ColourName } from "../math/colours";
 import type { Page } from "../page";
@@ -13,11 +13,11 @@ import { message } from "./message";
 
 const t = texts.product;
 
-export const product: Page = ({ params, signal }) => {
+export const product: Page = ({ params, signal, setTitle }) => {
   const content = loaded(signal, async () => {
     try {
       const found = await api.product(params.id ?? "", signal);
-      document.title = `${found.title} · ${texts.siteName}`;
+      setTitle(found.title);
       return listing(found, signal);
     } catch (error) {
       if (!(error instanceof ApiError) || error.status !== 404) throw error;
@@ -129,7 +129,7 @@ function factList(product: Product, colours: HTMLElement): HTMLElement {
   );
 }
 
-function scanBlock(scan: Scan | null): HTMLElement {
+function scanBlock(scan: ProductScan | null): HTMLElement {
   const box = h("section", { class: "scan-block" }, h("h2", {}, t.scanTitle));
   if (!scan) {
     box.append(h("p", {}, t.noScan));
@@ -138,16 +138,14 @@ function scanBlock(scan: Scan | null): HTMLElement {
   if (scan.verdict) {
     box.append(h("p", { class: `verdict verdict-${scan.verdict}` }, format.named(t.verdicts, scan.verdict)));
   }
-  if (scan.views_used !== null && scan.views_total !== null) {
-    box.append(h("p", {}, t.views(scan.views_used, scan.views_total)));
-  }
+  if (scan.views_total > 0) box.append(h("p", {}, t.views(scan.views_used, scan.views_total)));
   if (scan.warnings.length > 0) {
     box.append(h("h3", {}, t.warnings), h("ul", {}, ...scan.warnings.map((warning) => h("li", {}, warning))));
   }
   return box;
 }
 
-function modelBlock(model: Model | null, scan: Scan | null): HTMLElement | null {
+function modelBlock(model: ProductModel | null, scan: ProductScan | null): HTMLElement | null {
   if (!model) return null;
   const size =
     model.kind === "mesh"

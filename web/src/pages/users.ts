@@ -1,6 +1,6 @@
 // Accounts, for admins: who there is, what they may do, and new ones.
 import { api } from "../api/client";
-import type { Role, UserItem } from "../api/types";
+import type { Role, User } from "../api/types";
 import { formatDate } from "../format";
 import type { Page } from "../page";
 import { texts } from "../texts";
@@ -38,7 +38,7 @@ async function load(signal: AbortSignal, myId: string, notice: Notice): Promise<
   );
 }
 
-function row(item: UserItem, isMe: boolean, notice: Notice): HTMLElement {
+function row(item: User, isMe: boolean, notice: Notice): HTMLElement {
   const change = async (what: { role?: Role; disabled?: boolean }) => {
     try {
       const changed = await api.changeUser(item.id, what);

@@ -1,5 +1,5 @@
 // Header, navigation and the place for the page.
-import type { User } from "../api/types";
+import type { SessionUser } from "../api/types";
 import { texts } from "../texts";
 import { button, h } from "./dom";
 
@@ -7,7 +7,7 @@ const t = texts.nav;
 
 export interface Layout {
   readonly main: HTMLElement;
-  showUser(user: User | null, path: string): void;
+  showUser(user: SessionUser | null, path: string): void;
   announce(text: string): void;
 }
 
@@ -54,7 +54,7 @@ export function makeLayout(root: HTMLElement, onLogout: () => void): Layout {
   };
 }
 
-function destinations(user: User | null): [string, string][] {
+function destinations(user: SessionUser | null): [string, string][] {
   if (!user) {
     return [
       ["/", t.gallery],
