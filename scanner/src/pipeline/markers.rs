@@ -2,7 +2,9 @@
 
 use rayon::prelude::*;
 use reconstruct::board::{BoardFile, Family, KnownBoard, LooseSheets};
-use reconstruct::marker::{BoardPoseError, Dictionary, board_pose, detect, explain_no_tags};
+use reconstruct::marker::{
+    BoardPoseError, Dictionary, LayoutConfig, board_pose, detect, explain_no_tags, place_sheets,
+};
 use reconstruct::refine::PosePrior;
 use reconstruct::report::LeftOut;
 use reconstruct::segment::Region;
@@ -42,8 +44,13 @@ pub fn place_on_board(scan: &mut Work, board: Option<&BoardFile>, config: &Confi
 fn place_loose_sheets(scan: &mut Work, loose: &LooseSheets) -> Option<KnownBoard> {
     scan.loose_sheets = true;
     let sightings: Vec<_> = scan.views.iter().map(|v| v.detections.clone()).collect();
-    let _ = (sightings, loose);
-    None
+    match place_sheets(&sightings, loose, &scan.rig.color, &LayoutConfig::default()) {
+        Ok(layout) => Some(layout.board),
+        Err(error) => {
+            scan.failure = Some(format!("the marker sheets could not be placed: {error}"));
+            None
+        }
+    }
 }
 
 /// Places one view by its tags, or says why not.
