@@ -18,8 +18,9 @@ const TERMS: usize = 11;
 /// Prior standard deviations: what Kinects are seen to do (a few percent of scale, a few tenths of a pixel of warp).
 const PRIOR_SD: [f64; TERMS] = [0.03, 0.25, 0.15, 0.15, 0.12, 0.12, 0.12, 0.06, 0.06, 0.06, 0.06];
 
-/// Neighbouring pixels err alike: this many of them tell as much as one independent one.
-const CORRELATED_PIXELS: f64 = 20.0;
+/// Neighbouring pixels err alike, all pixels of a view share its pose's error, and cameras are never quite as modelled:
+/// this many pixels tell as much as one independent one.
+const CORRELATED_PIXELS: f64 = 400.0;
 
 /// A correction of disparity.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -18,13 +18,15 @@ pub struct Dimensions {
 /// Uncertainty of a surface's place (standard deviation), metres.
 const SURFACE_SD_METRES: f64 = 0.0004;
 
-/// Measures a cloud standing on z = 0. `scale_sd` is the relative standard deviation of the scale.
-pub fn dimensions(cloud: &PointCloud, scale_sd: f64) -> Option<Dimensions> {
+/// Measures a cloud. `scale_sd` is the relative standard deviation of the scale; `stands_on_floor`: z = 0 is what it stands
+/// on, else its height goes from its lowest to its highest point.
+pub fn dimensions(cloud: &PointCloud, scale_sd: f64, stands_on_floor: bool) -> Option<Dimensions> {
     if cloud.len() < 100 {
         return None;
     }
     let heights: Vec<f64> = cloud.points.iter().map(|p| f64::from(p[2])).collect();
-    let height = outermost(&heights)?;
+    let depths: Vec<f64> = heights.iter().map(|z| -z).collect();
+    let height = outermost(&heights)? + if stands_on_floor { 0.0 } else { outermost(&depths)? };
     let flat: Vec<[f64; 2]> = cloud.points.iter().map(|p| [f64::from(p[0]), f64::from(p[1])]).collect();
     let hull = convex_hull(&flat);
     let side = |angle: f64| {
@@ -101,7 +103,7 @@ mod tests {
             })
             .collect();
         let cloud = PointCloud { points, ..PointCloud::default() };
-        let found = dimensions(&cloud, 0.001).unwrap();
+        let found = dimensions(&cloud, 0.001, true).unwrap();
         for (found, truth) in found.metres.iter().zip([0.12, 0.06, 0.2]) {
             assert!((found - truth).abs() < 0.001, "{found} {truth}");
         }
@@ -110,6 +112,6 @@ mod tests {
 
     #[test]
     fn nothing_has_no_size() {
-        assert_eq!(dimensions(&PointCloud::default(), 0.001), None);
+        assert_eq!(dimensions(&PointCloud::default(), 0.001, true), None);
     }
 }

@@ -6,6 +6,7 @@
 pub mod align;
 pub mod cut;
 pub mod depth;
+pub mod free;
 pub mod load;
 pub mod markers;
 pub mod outcome;
@@ -42,10 +43,14 @@ pub fn build(source: &dyn ViewSource, config: &Config, ui: &Ui) -> Result<Scan, 
     let mut scan =
         stages.try_run("load", source.view_count(), |stage| load::load_and_average(source, config, stage))?;
     stages.run("markers", |_| markers::place_on_board(&mut scan, source.board(), config));
-    if config.method == Method::Joint {
-        stages.run("calibrate", |_| depth::calibrate(&mut scan));
+    if scan.has_board() {
+        if config.method == Method::Joint {
+            stages.run("calibrate", |_| depth::calibrate(&mut scan));
+        }
+        stages.run("cut", |_| cut::cut_background(&mut scan, config));
+    } else {
+        stages.run("place", |_| free::place_by_surfaces(&mut scan, config));
     }
-    stages.run("cut", |_| cut::cut_background(&mut scan, config));
     let (cloud, source_report) = match config.method {
         Method::Joint => {
             stages.run("align", |_| align::refine_together(&mut scan, config));

@@ -4,8 +4,9 @@ use rayon::prelude::*;
 use reconstruct::average::DisparityMap;
 use reconstruct::board::KnownBoard;
 use reconstruct::calibrate::{self, BoardSample, DepthCalibration};
+use reconstruct::depth_to_color;
 use reconstruct::image::GrayImage;
-use reconstruct::pose::{self, Pose};
+use reconstruct::pose::Pose;
 use reconstruct::recording::Rig;
 use reconstruct::segment::convex_hull;
 
@@ -18,12 +19,11 @@ const SECOND_GATE_PX: f64 = 0.25;
 
 /// The depth in the colour camera's geometry; unchanged where it is registered already.
 pub fn in_color_camera(map: DisparityMap, rig: &Rig) -> DisparityMap {
-    let same_place = pose::log(&rig.color_from_depth).norm() < 1e-9;
-    if same_place && rig.color == rig.depth {
+    if !depth_to_color::is_needed(rig) {
         return map;
     }
     let metres: Vec<f32> = (0..map.disparity_px.len()).map(|i| map.metres(i)).collect();
-    let moved = metres;
+    let moved = depth_to_color::Registration::new(rig).register(&metres);
     let focal_baseline = rig.color.fx * reconstruct::average::BASELINE_METRES;
     let disparity = |z: &f32| if *z > 0.0 { (focal_baseline / f64::from(*z)) as f32 } else { 0.0 };
     DisparityMap {

@@ -32,6 +32,8 @@ pub struct Work {
     pub rays: Vec<[f32; 2]>,
     /// The board with its tags, once known.
     pub board: Option<reconstruct::board::KnownBoard>,
+    /// Whether a board was to be used.
+    pub board_expected: bool,
     /// Whether the board's places were worked out from the views.
     pub loose_sheets: bool,
     /// Where the product may be, once the board is known.
@@ -40,6 +42,8 @@ pub struct Work {
     pub calibration: DepthCalibration,
     /// What the seller should know.
     pub warnings: Vec<String>,
+    /// Whether the world's z is up.
+    pub up_is_known: bool,
     /// Why there is no scan at all, where a stage found out.
     pub failure: Option<String>,
 }
@@ -82,6 +86,11 @@ impl View {
 }
 
 impl Work {
+    /// Whether the views are placed by a board, well or not.
+    pub fn has_board(&self) -> bool {
+        self.board_expected
+    }
+
     /// The used views that have geometry and a pose.
     pub fn placed_views(&self) -> Vec<PlacedView<'_>> {
         let placed = |v: &'_ View| v.is_used() && v.geometry.is_some() && v.world_from_camera.is_some();
@@ -121,9 +130,11 @@ pub fn load_and_average(
         views,
         is_stream: source.is_stream(),
         board: None,
+        board_expected: false,
         loose_sheets: false,
         region: None,
         warnings: Vec::new(),
+        up_is_known: true,
         failure: None,
     })
 }

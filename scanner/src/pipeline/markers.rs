@@ -15,6 +15,7 @@ use crate::config::Config;
 /// Finds the markers and places every view by them.
 pub fn place_on_board(scan: &mut Work, board: Option<&BoardFile>, config: &Config) {
     let Some(board) = board.filter(|_| !config.no_board) else { return };
+    scan.board_expected = true;
     let family = match board {
         BoardFile::Known(known) => known.family,
         BoardFile::Loose(loose) => loose.family,

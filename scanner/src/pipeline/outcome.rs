@@ -20,7 +20,7 @@ pub fn judge(scan: &Work, cloud: PointCloud, timings_ms: Map<String, Value>) -> 
     let cloud = if failure.is_some() { PointCloud::default() } else { cloud };
     let scale_sd =
         (scan.calibration.standard_deviations[0].min(0.01).powi(2) + PRINT_SCALE_SD.powi(2)).sqrt();
-    let size = dimensions(&cloud, scale_sd);
+    let size = dimensions(&cloud, scale_sd, scan.up_is_known);
     let left_out = scan.views.iter().filter(|v| !v.is_used()).count();
     if failure.is_none() {
         warnings.extend(
