@@ -235,7 +235,6 @@ fn send(
             Offset::Gone => {
                 state.files.remove(file.kind);
                 patience.failed("the server has forgotten the upload")?;
-                continue;
             }
             Offset::Done => {
                 meter.reached(file.bytes);

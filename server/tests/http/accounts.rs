@@ -38,7 +38,7 @@ fn cookies_are_secure_behind_https() {
 fn wrong_passwords_are_counted() {
     let server = Server::start_with(|config| {
         config.limits.login_burst = 3;
-        config.times.login_every = Duration::from_secs(3600);
+        config.times.login_every = Duration::from_hours(1);
     });
     let attempt = || server.post("/api/session", &Who::Nobody, json!({"name": "ann", "password": "wrong"}));
     let nobody = json!({"name": "nobody", "password": "wrong"});

@@ -73,7 +73,7 @@ fn the_first_start_prints_a_link_for_the_first_admin() {
          Content-Length: {}\r\n\r\n{body}",
         body.len()
     );
-    let mut ask = || {
+    let ask = || {
         let mut stream = TcpStream::connect(&address).unwrap();
         stream.write_all(request.as_bytes()).unwrap();
         read_all(&mut stream)
