@@ -1,6 +1,7 @@
 //! From a built model to a listing that a buyer turns round: the seller's command, the server, the admin, the public.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests, too")]
+
 use std::io::{Read, Write};
 use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::path::Path;

@@ -1,4 +1,5 @@
 //! The server through real HTTP, on port 0 with a database of its own a test.
+
 #![allow(clippy::unwrap_used, reason = "helpers of tests, too")]
 
 mod accounts;
