@@ -16,23 +16,29 @@ pub const INTERRUPTED: u8 = 130;
 
 /// Scan a product on a marker board and turn it into a measurable 3D listing.
 #[derive(Debug, Parser)]
-#[command(name = "scan-product", version, about, max_term_width = 100, propagate_version = true, after_help = AFTER_HELP)]
+#[command(name = "scan-product", version, max_term_width = 100, propagate_version = true, after_help = AFTER_HELP)]
 pub struct Cli {
     /// Print the result as one JSON object, progress as JSON lines on standard error
-    #[arg(long, global = true)]
+    #[arg(long, global = true, help_heading = SPEECH, display_order = 900)]
     pub json: bool,
     /// Say only warnings, errors and the result
-    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    #[arg(short, long, global = true, conflicts_with = "verbose", help_heading = SPEECH, display_order = 901)]
     pub quiet: bool,
-    /// Say more about every stage
-    #[arg(short, long, global = true)]
+    /// Say more: what was found in every view
+    #[arg(short, long, global = true, help_heading = SPEECH, display_order = 902)]
     pub verbose: bool,
     /// What to do
     #[command(subcommand)]
     pub command: Command,
 }
 
+/// Heading of the options that every command has.
+const SPEECH: &str = "What is said";
+
 const AFTER_HELP: &str = "\
+A recording is a folder of colour and depth pictures of a product that stands in the middle of a
+printed marker board, taken from several sides (views), with recording.json and board.json beside.
+
 Start here:
   scan-product board --paper a3 --out board          print the marker board
   scan-product simulate --product mug --out rec      a recording without a Kinect
@@ -55,9 +61,9 @@ pub enum Command {
     Simulate(commands::simulate::Args),
     /// Publish a built model on a product server
     Upload(commands::upload::Args),
-    /// From a simulated scan to a listing on your own machine
+    /// See all of it at work: from a simulated scan to a listing on your own machine
     Demo(commands::demo::Args),
-    /// Print the completions of a shell
+    /// Print what a shell needs to complete the commands with the tab key
     Completions(commands::completions::Args),
 }
 

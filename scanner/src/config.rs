@@ -10,10 +10,10 @@ use reconstruct::segment::SegmentConfig;
 /// Which way the views are brought together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
 pub enum Method {
-    /// Calibrated depth, joint refinement of all views with the markers as a prior, fusion
+    /// The accurate way: the board corrects the depth, and all views are fitted together
     #[default]
     Joint,
-    /// The source document's own chain: voxel grid, key points, FPFH, RANSAC, point-to-point ICP, for comparison
+    /// The source document's chain with its tables, for comparison: key points, FPFH, RANSAC, ICP
     Source,
 }
 

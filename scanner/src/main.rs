@@ -18,9 +18,23 @@ fn main() -> ExitCode {
     }
     match cli::run(&cli) {
         Ok(status) => ExitCode::from(status),
+        // The handler has taken the files away under the work's feet: what the work says of that is no news.
+        Err(_) if output::is_interrupted() => ExitCode::from(INTERRUPTED),
         Err(error) => {
-            Ui::new(cli.json, cli.quiet, cli.verbose).error(&format!("{error:#}"));
+            Ui::new(cli.json, cli.quiet, cli.verbose).error(&in_one_line(&error));
             ExitCode::from(UNUSABLE)
         }
     }
+}
+
+/// What went wrong and why, each said once.
+fn in_one_line(error: &anyhow::Error) -> String {
+    let mut line = String::new();
+    for cause in error.chain().map(|cause| cause.to_string().replace('\n', " ")) {
+        if !line.contains(&cause) {
+            line.push_str(if line.is_empty() { "" } else { ": " });
+            line.push_str(&cause);
+        }
+    }
+    line
 }

@@ -17,6 +17,9 @@ pub enum OutputError {
     /// The target is a file.
     #[error("{} is a file where a folder is to be written; name another folder", .0.display())]
     NotAFolder(PathBuf),
+    /// Pictures or files of somebody else would be replaced.
+    #[error("{} is already there and belongs to no recording; name another folder, so that nothing is lost", .0.display())]
+    Foreign(PathBuf),
     /// Not allowed, or another trouble of the file system.
     #[error("cannot write {}: {source}; check that the folder exists and that you may write there", .path.display())]
     Io {
@@ -49,6 +52,16 @@ pub fn remove_unfinished() {
     for path in std::mem::take(&mut unfinished.paths) {
         remove(&path);
     }
+}
+
+/// Whether Ctrl-C came.
+pub fn is_interrupted() -> bool {
+    unfinished().interrupted
+}
+
+/// Says before long work whether a result can be written to `target` at all; leaves nothing.
+pub fn check_writable(target: &Path) -> Result<(), OutputError> {
+    OutputDir::begin(target, &[]).map(drop)
 }
 
 /// Removes a temporary file or folder. Another thread may be writing into it: what it adds is removed in the next round.

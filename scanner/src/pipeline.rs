@@ -13,6 +13,7 @@ pub mod outcome;
 pub mod source;
 pub mod source_chain;
 pub mod stages;
+pub mod unit;
 
 use reconstruct::cloud::PointCloud;
 use reconstruct::fuse;

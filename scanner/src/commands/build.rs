@@ -5,11 +5,12 @@ use std::path::PathBuf;
 
 use reconstruct::mesh::Mesh;
 use reconstruct::register::source_chain::SourceReport;
-use reconstruct::report::{Report, Verdict};
+use reconstruct::report::{Report, Verdict, ViewReport};
 use serde_json::json;
 
 use crate::cli::{DONE, NO_GOOD_SCAN};
 use crate::config::{Config, Method};
+use crate::output;
 use crate::pipeline;
 use crate::recording::Recording;
 use crate::result;
@@ -23,7 +24,7 @@ With exit status 1 only report.json is written: it says which views could not be
 
 Examples:
   scan-product build rec --out out
-  scan-product build rec --out out --method source    the source document's own chain, with its tables
+  scan-product build rec --out out --method source    for comparison: the source's own chain
   scan-product build stream --out out --no-board      placed by the surfaces alone")]
 pub struct Args {
     /// Folder of the recording: recording.json, its pictures, and board.json
@@ -45,6 +46,7 @@ pub struct Args {
 /// Builds and writes; the exit status says whether there is a model.
 pub fn run(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
     let recording = Recording::open(&args.recording)?;
+    output::check_writable(&args.out)?;
     if recording.board().is_none() && !args.no_board {
         ui.note("no board.json lies beside recording.json: the views are placed by their surfaces, as with --no-board");
     }
@@ -55,12 +57,25 @@ pub fn run(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
     let writing = ui.stage("write", 1);
     result::write(&args.out, &mesh, &scan.report)?;
     writing.done();
+    scan.report.views.iter().filter(|v| v.used).for_each(|view| ui.detail(&view_in_words(view)));
     for warning in &scan.report.warnings {
         ui.warn(warning);
     }
     let machine = json!({"out": args.out, "report": scan.report});
     ui.result(&words(&scan.report, &args.out.display().to_string()), &machine);
     Ok(if mesh.vertices.is_empty() { NO_GOOD_SCAN } else { DONE })
+}
+
+/// What is known of a used view, for the curious.
+fn view_in_words(view: &ViewReport) -> String {
+    let mut text = format!("view {}: {} markers", view.name, view.tags);
+    if let Some(pixels) = view.reprojection_px {
+        let _ = write!(text, ", corners {pixels:.2} pixels off");
+    }
+    if let Some(millimetres) = view.inlier_rmse_mm {
+        let _ = write!(text, ", surface {millimetres:.2} mm off the other views'");
+    }
+    text
 }
 
 /// The result in words.

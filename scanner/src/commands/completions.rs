@@ -1,5 +1,7 @@
 //! `scan-product completions SHELL`.
 
+use std::io::Write;
+
 use clap::CommandFactory;
 use clap_complete::{Shell, generate};
 
@@ -14,6 +16,9 @@ pub struct Args {
 
 /// Prints the completion script to standard output.
 pub fn run(args: &Args) -> anyhow::Result<u8> {
-    generate(args.shell, &mut Cli::command(), "scan-product", &mut std::io::stdout());
+    let mut script = Vec::new();
+    generate(args.shell, &mut Cli::command(), "scan-product", &mut script);
+    // A closed pipe is the reader's choice, not an error of ours.
+    let _ = std::io::stdout().write_all(&script);
     Ok(DONE)
 }

@@ -13,10 +13,10 @@ use crate::ui::Ui;
 
 const AFTER_HELP: &str = "\
 Examples:
-  scan-product import rgbd_dataset_freiburg1_xyz --out rec      TUM, BOP, 7-Scenes: found out by itself
+  scan-product import rgbd_dataset_freiburg1_xyz --out rec    TUM, BOP and 7-Scenes are recognised
   scan-product import photos --out rec --mirrored \\
       --color-camera 529.2,525.6,328.9,267.5 --depth-camera 594.2,591.0,339.3,242.7 \\
-      --color-from-depth 0.02,-0.0007,-0.0109                   pairs NAME_rgb.png and NAME_depth.png
+      --color-from-depth 0.02,-0.0007,-0.0109      pairs NAME_rgb.png, NAME_depth.png
   scan-product import model.asc --out out                       a model: .asc, .ply, .pcd or .glb
 
 Poses that come with the data are kept beside as poses.json, for comparison; build does not use them.";
@@ -45,16 +45,17 @@ pub struct Args {
     /// Distortion of the depth camera
     #[arg(long, value_name = "K1,K2,P1,P2,K3", value_parser = numbers::<5>, allow_hyphen_values = true)]
     depth_distortion: Option<[f64; 5]>,
-    /// Where the colour camera is: x,y,z in metres, with a rotation vector in radians, or 16 numbers row by row
+    /// Where the depth camera is, seen from the colour camera: x,y,z in metres (right, down, forward), these with a
+    /// rotation vector in radians, or the 16 numbers of the transform row by row
     #[arg(long, value_name = "NUMBERS", value_parser = rigid, allow_hyphen_values = true)]
     color_from_depth: Option<Pose>,
-    /// Depth units in a metre: 1000 for millimetres
+    /// How many units of the depth pictures make a metre: 1000 for millimetres [default: what the kind says, or 1000]
     #[arg(long, value_name = "NUMBER")]
     units_per_metre: Option<f64>,
     /// The pictures are stored flipped left-right (Kinect drivers do so)
     #[arg(long)]
     mirrored: bool,
-    /// The pictures are one moving stream, or views of a resting camera
+    /// Whether the pictures are one moving stream, rather than views of a resting camera
     #[arg(long, value_name = "TRUE|FALSE")]
     stream: Option<bool>,
     /// Take every N-th pair of pictures only
@@ -80,6 +81,12 @@ fn run_model(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
 fn run_folder(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
     let kind = args.kind.or_else(|| import::detect(&args.source));
     let Some(kind) = kind else { bail!(ImportError::NotRecognised(args.source.clone())) };
+    if args.out.canonicalize().is_ok_and(|out| args.source.canonicalize().is_ok_and(|source| source == out)) {
+        bail!(
+            "{} would be replaced by what is made of it; name another folder with --out",
+            args.out.display()
+        );
+    }
     let mut source = import::read(kind, &args.source)?;
     source.is_stream = args.stream.unwrap_or(source.is_stream);
     let options = Options {

@@ -8,6 +8,7 @@ use reconstruct::board::{BoardFile, Family, KnownBoard};
 use serde_json::json;
 
 use crate::cli::DONE;
+use crate::output;
 use crate::recording::parse_board;
 use crate::simulate::{Kind, NoiseLevel, Paper, ScanSpec, ring, scan_with, write};
 use crate::ui::Ui;
@@ -35,7 +36,7 @@ pub struct Args {
     /// Folder of the recording
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Everything left to chance follows from it
+    /// Start of all random choices: the same seed gives the same recording
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
     /// Number of views around the product [default: 8, or 36 with --no-board]
@@ -90,6 +91,7 @@ fn family(name: &str) -> Result<Family, String> {
 pub fn run(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
     let spec = spec(args)?;
     spec.check()?;
+    output::check_writable(&args.out)?;
     let stage = ui.stage("simulating", spec.views);
     let scan = scan_with(&spec, || stage.step())?;
     stage.done();

@@ -35,6 +35,7 @@ pub fn place_on_board(scan: &mut Work, board: Option<&BoardFile>, config: &Confi
             .filter(|v| v.is_used())
             .for_each(|view| place_view(view, &known, &camera, config));
         scan.region = Some(Region::of_board(&known, &config.segment));
+        super::unit::compare_with_markers(scan, &known);
         scan.board = Some(known);
     }
     name_other_family(scan, family, config);

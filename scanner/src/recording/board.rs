@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use reconstruct::board::{BoardFile, Family, KnownBoard, LooseSheets};
+use reconstruct::marker::Dictionary;
 use serde::Deserialize;
 use serde_json::Value;
 
@@ -22,7 +23,8 @@ pub fn parse(bytes: &[u8]) -> Result<BoardFile, RecordingError> {
     let value: Value = serde_json::from_slice(bytes).map_err(|e| format_error(&e))?;
     check_version(FILE, &value)?;
     check_family(&value)?;
-    if value.get("layout").is_some() {
+    if let Some(layout) = value.get("layout") {
+        check_layout(layout)?;
         let sheets = LooseSheets::deserialize(value).map_err(|e| format_error(&e))?;
         check_sheets(&sheets)?;
         Ok(BoardFile::Loose(sheets))
@@ -51,9 +53,17 @@ fn check_family(value: &Value) -> Result<(), RecordingError> {
     Err(board_error(format!("the family {family:?} is not known; write one of {}", known.join(", "))))
 }
 
-fn check_ids(ids: impl Iterator<Item = u32>) -> Result<(), RecordingError> {
+fn check_ids(family: Family, ids: impl Iterator<Item = u32>) -> Result<(), RecordingError> {
+    let count = Dictionary::of(family).len();
     let mut seen = BTreeSet::new();
     for id in ids {
+        if id as usize >= count {
+            return Err(board_error(format!(
+                "{} has the tags 0 to {}, there is no tag {id}; correct the family or the id",
+                family.name(),
+                count - 1
+            )));
+        }
         if !seen.insert(id) {
             return Err(board_error(format!(
                 "tag {id} is on the board twice; every tag needs its own id: remove one of them and print the board again"
@@ -68,23 +78,27 @@ fn check_ids(ids: impl Iterator<Item = u32>) -> Result<(), RecordingError> {
     Ok(())
 }
 
-fn check_sheets(sheets: &LooseSheets) -> Result<(), RecordingError> {
-    if sheets.layout != "unknown" {
-        return Err(board_error(
-            "layout can only be \"unknown\"; leave it out where the places of the tags are listed".to_owned(),
-        ));
+fn check_layout(layout: &Value) -> Result<(), RecordingError> {
+    if layout == "unknown" {
+        return Ok(());
     }
+    Err(board_error(
+        "layout can only be \"unknown\"; leave it out where the places of the tags are listed".to_owned(),
+    ))
+}
+
+fn check_sheets(sheets: &LooseSheets) -> Result<(), RecordingError> {
     if !TAG_SIDES_METRES.contains(&sheets.tag_size_m) {
         return Err(board_error(format!(
             "tag_size_m is {}; write the side of the black square in metres, as 0.096",
             sheets.tag_size_m
         )));
     }
-    check_ids(sheets.ids.iter().copied())
+    check_ids(sheets.family, sheets.ids.iter().copied())
 }
 
 fn check_known(board: &KnownBoard) -> Result<(), RecordingError> {
-    check_ids(board.tags.iter().map(|tag| tag.id))?;
+    check_ids(board.family, board.tags.iter().map(|tag| tag.id))?;
     for tag in &board.tags {
         check_square(tag.id, &tag.corners_m)?;
     }

@@ -23,8 +23,12 @@ pub struct RecordingWriter {
 }
 
 impl RecordingWriter {
-    /// Starts a recording in the folder `out`.
+    /// Starts a recording in the folder `out`. One that is there already is replaced; pictures of other origin are not.
     pub fn begin(out: &Path, rig: &Rig, units_per_metre: f64, device: Device) -> Result<Self, OutputError> {
+        if !out.join("recording.json").exists() {
+            let foreign = OWNED_NAMES.iter().map(|name| out.join(name)).find(|path| path.is_dir());
+            foreign.map_or(Ok(()), |path| Err(OutputError::Foreign(path)))?;
+        }
         let file = RecordingFile {
             version: 1,
             device,
