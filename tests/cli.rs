@@ -1,0 +1,17 @@
+//! `scan-product` as its users meet it: the built binary, its files, its words and its exit status.
+//!
+//! The binary is the one that `cargo build --release --bins` (or without `--release`, as the tests were built) left beside these
+//! tests; build it first, cargo does not do so for the tests of another package. After a wanted change of a help text or an error,
+//! `INSTA_UPDATE=always cargo test --release -p tests cli::` writes the new snapshots.
+
+mod bad_board;
+mod bad_input;
+mod bad_scans;
+mod disk;
+mod imports;
+mod interrupt;
+mod method_source;
+mod repeatable;
+mod secrets;
+mod support;
+mod usage;
