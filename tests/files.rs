@@ -103,14 +103,17 @@ fn redwood_fragment_with_faces() {
     assert!(mesh.vertices.has_colors());
 }
 
-/// The shared real Kinect's cameras, as its description gives them.
+/// The shared real Kinect's cameras as Burrus published them for his unit, the turn of about a degree included.
 fn kinect() -> Options {
     Options {
         color_camera: Some([529.215, 525.564, 328.943, 267.481]),
         depth_camera: Some([594.214, 591.041, 339.308, 242.739]),
         color_distortion: Some([0.2645, -0.8399, -0.0020, 0.0014, 0.9119]),
         depth_distortion: Some([-0.2639, 0.9997, -0.0008, 0.0050, -1.3054]),
-        color_from_depth: Some(Pose::translation(0.020, -0.0007, -0.0109)),
+        color_from_depth: Some(Pose::new(
+            [0.0200, -0.0007, -0.0109].into(),
+            [0.0123, -0.0175, -0.0014].into(),
+        )),
         mirrored: true,
         every: 1,
         ..Options::default()
@@ -173,8 +176,7 @@ fn depth_of_a_real_kinect_is_registered_to_colour() {
         shifts.push((best_shift(&view.color, &registered), best_shift(&view.color, &view.depths[0])));
     }
     println!("columns to the best agreement of edges, registered and raw: {shifts:?}");
-    let aligned = shifts.iter().filter(|(registered, _)| registered.abs() <= 3).count();
-    assert!(shifts.len() == 5 && aligned >= 4, "{shifts:?}");
+    assert!(shifts.len() == 5 && shifts.iter().all(|(registered, _)| registered.abs() <= 4), "{shifts:?}");
 }
 
 /// Points and a mesh with every attribute.
