@@ -156,9 +156,9 @@ pub fn write(
             poses.push(PoseEntry { view: name.clone(), world_from_camera: pose::to_row_major(pose) });
         }
         if source.is_stream {
-            writer.push_stream_frame(entry)
+            writer.push_stream_frame(entry);
         } else {
-            writer.push_view(name, vec![entry])
+            writer.push_view(name, vec![entry]);
         }
         step();
     }
