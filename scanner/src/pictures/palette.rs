@@ -57,7 +57,7 @@ impl Group {
         let (channel, spread) =
             (0..3).map(|k| (k, spread(k))).max_by_key(|(_, spread)| *spread).unwrap_or((0, 0));
         // Wide steps in large even areas, as in a shadow, are seen first.
-        let urgency = if shades.len() < 2 { 0.0 } else { f64::from(spread).powi(2) * (count as f64).sqrt() };
+        let urgency = if shades.len() < 2 { 0.0 } else { f64::from(spread).powi(2) * count as f64 };
         Self { shades, channel, urgency }
     }
 }
