@@ -3,7 +3,8 @@
 use std::process::ExitCode;
 
 use clap::Parser;
-use scanner::cli::{self, Cli, INTERRUPTED, UNUSABLE};
+use scanner::cli::{self, Cli, DONE, INTERRUPTED, UNUSABLE};
+use scanner::commands;
 use scanner::output;
 use scanner::ui::Ui;
 
@@ -11,7 +12,9 @@ fn main() -> ExitCode {
     let cli = Cli::parse();
     let interrupt = || {
         output::remove_unfinished();
-        std::process::exit(i32::from(INTERRUPTED));
+        // A demo that is served ends as it should; anything else was cut short.
+        let served = commands::demo::stop_server();
+        std::process::exit(i32::from(if served { DONE } else { INTERRUPTED }));
     };
     if let Err(error) = ctrlc::set_handler(interrupt) {
         Ui::new(cli.json, cli.quiet, cli.verbose).warn(&format!("Ctrl-C will not clean up: {error}"));

@@ -17,6 +17,7 @@ pub struct Ui {
     verbose: bool,
     terminal: bool,
     color: bool,
+    results: bool,
 }
 
 /// One stage of work in progress; may be shared between threads.
@@ -33,12 +34,17 @@ impl Ui {
     pub fn new(json: bool, quiet: bool, verbose: bool) -> Self {
         let terminal = std::io::stderr().is_terminal();
         let color = terminal && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty());
-        Self { json, quiet, verbose, terminal, color }
+        Self { json, quiet, verbose, terminal, color, results: true }
     }
 
     /// A voice that says nothing, for tests and for use as a library.
     pub fn silent() -> Self {
-        Self { json: false, quiet: true, verbose: false, terminal: false, color: false }
+        Self { json: false, quiet: true, verbose: false, terminal: false, color: false, results: false }
+    }
+
+    /// The same voice for a part of a larger work: no result of its own on standard output.
+    pub fn quieter(&self) -> Self {
+        Self { results: false, ..*self }
     }
 
     /// Whether results are to be JSON.
@@ -76,6 +82,9 @@ impl Ui {
 
     /// The result: one JSON object on standard output, or the words for people.
     pub fn result(&self, words: &str, machine: &Value) {
+        if !self.results {
+            return;
+        }
         let mut out = std::io::stdout().lock();
         // A closed pipe is the reader's choice, not an error of ours.
         let _ = if self.json { writeln!(out, "{machine}") } else { writeln!(out, "{}", words.trim_end()) };

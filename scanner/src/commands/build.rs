@@ -43,6 +43,13 @@ pub struct Args {
     pub seed: u64,
 }
 
+impl Args {
+    /// The usual build of a recording.
+    pub fn of(recording: PathBuf, out: PathBuf) -> Self {
+        Self { recording, out, method: Method::Joint, no_board: false, seed: 1 }
+    }
+}
+
 /// Builds and writes; the exit status says whether there is a model.
 pub fn run(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
     let recording = Recording::open(&args.recording)?;

@@ -1,0 +1,61 @@
+# Everything a person types. `make help` lists it. Each target installs what it needs and can be run again.
+
+CARGO_FLAGS := --release --locked
+NPM_INSTALL := npm ci --no-audit --no-fund --loglevel=error
+RECORDING ?=
+SCANS ?= 300
+FUZZ_SECONDS ?= 20
+export CARGO_TERM_COLOR ?= auto
+
+.PHONY: help demo test build web lint test-rust test-web test-browser fuzz licences accuracy marker-corners clean
+
+help: ## list the targets
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{printf "  make %-16s %s\n", $$1, $$2}'
+
+demo: build ## scan with the simulated Kinect (or RECORDING=path), build, serve, list; DEMO_EXIT=1 stops at the end
+	target/release/scan-product demo $(if $(RECORDING),--recording "$(RECORDING)")
+
+test: ## everything: lints, unit, property, cross-crate, browser and fuzz tests
+	deploy/setup.sh test
+	$(MAKE) lint licences test-web build test-rust test-browser fuzz
+	DEMO_EXIT=1 $(MAKE) demo
+	@echo "make test: all passed"
+
+build: web ## build both programs, the web pages inside the server
+	cargo build $(CARGO_FLAGS) --bins
+
+web: ## build the web pages into web/dist
+	deploy/setup.sh build
+	cd web && $(NPM_INSTALL) && npm run build
+
+lint: web ## format, clippy, rustdoc, TypeScript and web lints, all as errors
+	cargo fmt --all -- --check
+	cargo clippy $(CARGO_FLAGS) --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" cargo doc $(CARGO_FLAGS) --no-deps --workspace
+	cd web && npm run lint && npm run check
+	cd tests/e2e && $(NPM_INSTALL) && npm run lint && npm run check
+
+test-rust: build ## unit, property, snapshot and cross-crate tests
+	cargo test $(CARGO_FLAGS) --workspace
+
+test-web: web ## the web client's own tests
+	cd web && npm test
+
+test-browser: build ## headless Chromium against the real server
+	cd tests/e2e && $(NPM_INSTALL) && npm test
+
+fuzz: ## every parser of outside bytes, FUZZ_SECONDS each
+	deploy/setup.sh test
+	fuzz/run.sh $(FUZZ_SECONDS)
+
+licences: ## licences and duplicate versions of all dependencies
+	cargo run $(CARGO_FLAGS) -q -p tests --bin licences
+
+accuracy: ## SCANS simulated scans judged against their truth
+	cargo run $(CARGO_FLAGS) -p tests --bin accuracy -- --scans $(SCANS)
+
+marker-corners: ## corner error on RECORDING (with truth) against its poses
+	cargo run $(CARGO_FLAGS) -p tests --bin marker-corners -- "$(RECORDING)"
+
+clean: ## remove what was built
+	rm -rf target fuzz/target web/dist web/node_modules tests/e2e/node_modules out
