@@ -65,7 +65,9 @@ pub fn run(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
     let url = format!("http://{address}");
     let published =
         wait_until_ready(&url).and_then(|()| list(&model, &url, &token, &title(args, &recording), ui));
-    let published = published.inspect_err(|_| stop_server())?;
+    let published = published.inspect_err(|_| {
+        stop_server();
+    })?;
     let words = format!(
         "The listing is at {}\nAdmin pages: {url}/manage (name {ADMIN}, password in {})",
         published.url,
