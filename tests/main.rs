@@ -4,5 +4,6 @@
 mod cli;
 mod files;
 mod markers;
+mod registration;
 mod simulate;
 mod story;

@@ -100,7 +100,7 @@ fn fit_of(i: usize, n: usize, one_way: &[Meeting], config: &ConsistencyConfig) -
         }
         let conflicts: usize = both.iter().map(|m| m.conflicts.len()).sum();
         shares.push(conflicts as f64 / common as f64);
-        both.iter().for_each(|m| gaps.extend_from_slice(&m.conflicts));
+        gaps.extend(both.iter().flat_map(|m| &m.conflicts));
         squares += both.iter().map(|m| m.squares).sum::<f64>();
         agree += common - conflicts;
     }

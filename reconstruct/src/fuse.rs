@@ -252,10 +252,10 @@ fn thin(samples: &[Sample], voxel: f32) -> Vec<Sample> {
         .chunk_by(|a, b| (a.0, a.1) == (b.0, b.1))
         .map(|run| {
             let mut mean = Mean::default();
-            run.iter().for_each(|&(_, _, i)| {
+            for &(_, _, i) in run {
                 let s = &samples[i as usize];
                 mean.add(s, s.weight, s.weight);
-            });
+            }
             mean.sample()
         })
         .collect()

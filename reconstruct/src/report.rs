@@ -163,7 +163,6 @@ impl std::fmt::Display for LeftOut {
                 f,
                 "only one marker (id {id}) can be seen: at least two are needed, so show more of the board and take this view again"
             ),
-            Self::Markers(what) => write!(f, "{what}"),
             Self::NoProduct => {
                 write!(
                     f,
@@ -185,7 +184,7 @@ impl std::fmt::Display for LeftOut {
             Self::NoOverlap => {
                 write!(f, "this view shares too little surface with the others: take another one in between")
             }
-            Self::Unsure(what) => write!(f, "{what}"),
+            Self::Markers(what) | Self::Unsure(what) => write!(f, "{what}"),
         }
     }
 }

@@ -27,14 +27,43 @@ const ALLOWED: [&str; 14] = [
 ];
 
 /// Licences of tools that are only used while building and testing.
-const ALLOWED_FOR_TOOLS: [&str; 6] = ["MPL-2.0", "BlueOak-1.0.0", "CC-BY-4.0", "Python-2.0", "Unlicense", "WTFPL"];
+const ALLOWED_FOR_TOOLS: [&str; 6] =
+    ["MPL-2.0", "BlueOak-1.0.0", "CC-BY-4.0", "Python-2.0", "Unlicense", "WTFPL"];
 
 /// Crates that may be there in more than one version, since well-kept libraries have not yet moved on together.
 const MAY_BE_TWICE: [&str; 32] = [
-    "base64", "bitflags", "block-buffer", "cpufeatures", "crypto-common", "digest", "foldhash", "getrandom", "hashbrown",
-    "heck", "itertools", "linux-raw-sys", "miniz_oxide", "r-efi", "rand", "rand_chacha", "rand_core", "rustc-hash", "rustix",
-    "sha2", "syn", "thiserror", "thiserror-impl", "toml_datetime", "unicode-width", "wasi", "webpki-roots", "winnow", "wit-bindgen",
-    "zerocopy", "core-foundation", "security-framework",
+    "base64",
+    "bitflags",
+    "block-buffer",
+    "cpufeatures",
+    "crypto-common",
+    "digest",
+    "foldhash",
+    "getrandom",
+    "hashbrown",
+    "heck",
+    "itertools",
+    "linux-raw-sys",
+    "miniz_oxide",
+    "r-efi",
+    "rand",
+    "rand_chacha",
+    "rand_core",
+    "rustc-hash",
+    "rustix",
+    "sha2",
+    "syn",
+    "thiserror",
+    "thiserror-impl",
+    "toml_datetime",
+    "unicode-width",
+    "wasi",
+    "webpki-roots",
+    "winnow",
+    "wit-bindgen",
+    "zerocopy",
+    "core-foundation",
+    "security-framework",
 ];
 
 fn main() -> ExitCode {
@@ -49,7 +78,10 @@ fn main() -> ExitCode {
 
 /// Problems of the Rust side.
 fn crates(root: &Path) -> Vec<String> {
-    let output = Command::new(env!("CARGO")).args(["metadata", "--format-version", "1", "--locked"]).current_dir(root).output();
+    let output = Command::new(env!("CARGO"))
+        .args(["metadata", "--format-version", "1", "--locked"])
+        .current_dir(root)
+        .output();
     let metadata: Value = match output.map_err(|e| e.to_string()).and_then(|o| {
         serde_json::from_slice(&o.stdout).map_err(|e| format!("{e}: {}", String::from_utf8_lossy(&o.stderr)))
     }) {
@@ -82,7 +114,8 @@ fn may_be_twice(name: &str) -> bool {
 fn npm(folder: &Path) -> Vec<String> {
     let lock = folder.join("package-lock.json");
     let read = std::fs::read(&lock).map_err(|e| e.to_string());
-    let parsed: Result<Value, String> = read.and_then(|bytes| serde_json::from_slice(&bytes).map_err(|e| e.to_string()));
+    let parsed: Result<Value, String> =
+        read.and_then(|bytes| serde_json::from_slice(&bytes).map_err(|e| e.to_string()));
     let packages = match parsed {
         Ok(value) => value["packages"].as_object().cloned().unwrap_or_default(),
         Err(error) => return vec![format!("{}: {error}", lock.display())],
@@ -90,8 +123,10 @@ fn npm(folder: &Path) -> Vec<String> {
     let mut problems = Vec::new();
     for (name, package) in packages.iter().filter(|(name, _)| !name.is_empty()) {
         let licence = text(&package["license"]);
-        let tool = package["dev"].as_bool().unwrap_or(false) || package["devOptional"].as_bool().unwrap_or(false);
-        let allowed = is_allowed(&licence, &ALLOWED) || tool && is_allowed(&licence, &[ALLOWED.as_slice(), &ALLOWED_FOR_TOOLS].concat());
+        let tool =
+            package["dev"].as_bool().unwrap_or(false) || package["devOptional"].as_bool().unwrap_or(false);
+        let allowed = is_allowed(&licence, &ALLOWED)
+            || tool && is_allowed(&licence, &[ALLOWED.as_slice(), &ALLOWED_FOR_TOOLS].concat());
         if !allowed {
             problems.push(format!("npm {name}: licence {licence:?} is not among the allowed"));
         }

@@ -118,13 +118,11 @@ fn simulate(args: &Args, ui: &Ui) -> anyhow::Result<PathBuf> {
 }
 
 fn title(args: &Args, recording: &Path) -> String {
-    match &args.recording {
-        None => format!("Demo: a {} (simulated scan)", args.product),
-        Some(_) => {
-            let name = recording.file_name().map(|n| n.to_string_lossy().into_owned());
-            format!("Demo: {}", name.unwrap_or_else(|| "a scan".to_owned()))
-        }
+    if args.recording.is_none() {
+        return format!("Demo: a {} (simulated scan)", args.product);
     }
+    let name = recording.file_name().map(|n| n.to_string_lossy().into_owned());
+    format!("Demo: {}", name.unwrap_or_else(|| "a scan".to_owned()))
 }
 
 /// The wished port on this machine, or any free one.
@@ -137,9 +135,9 @@ fn free_address(port: u16) -> anyhow::Result<String> {
 /// Makes the admin, or gives an earlier one a new password, which is kept in a file only its owner can read.
 fn make_admin(program: &Path, work: &Path, data: &Path) -> anyhow::Result<PathBuf> {
     let file = work.join("admin-password.txt");
-    let mut random = [0u8; 12];
+    let mut random = [0u8; 16];
     std::io::Read::read_exact(&mut fs::File::open("/dev/urandom")?, &mut random)?;
-    let password: String = random.iter().map(|b| format!("{b:02x}")).collect();
+    let password = u128::from_be_bytes(random).to_string();
     write_private(&file, &password)?;
     let run = |verb: &[&str]| {
         let mut command = Command::new(program);
