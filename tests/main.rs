@@ -1,6 +1,6 @@
 //! Cross-crate and black-box tests: one binary, one module a subject.
+#![allow(clippy::unwrap_used, reason = "helpers of tests are tests")]
 
-#[allow(clippy::unwrap_used, reason = "helpers of tests are tests")]
 mod cli;
 mod files;
 mod markers;

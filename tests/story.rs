@@ -137,7 +137,7 @@ impl Line {
                 let Ok(server) = TcpStream::connect(server) else { continue };
                 let (back_from, back_to) = (server.try_clone().unwrap(), client.try_clone().unwrap());
                 std::thread::spawn(move || {
-                    forward(&back_from, &back_to, &AtomicI64::new(i64::MAX), &AtomicI64::new(0))
+                    forward(&back_from, &back_to, &AtomicI64::new(i64::MAX), &AtomicI64::new(0));
                 });
                 std::thread::spawn(move || forward(&client, &server, &left, &sent));
             }

@@ -463,9 +463,9 @@ mod tests {
     #[test]
     fn a_ring_encloses_its_inside() {
         let size = [7, 7];
-        let ring: Vec<bool> = (0..49)
+        let ring: Vec<bool> = (0..49i32)
             .map(|i| {
-                let (x, y) = ((i % 7) as i32 - 3, (i / 7) as i32 - 3);
+                let (x, y) = (i % 7 - 3, i / 7 - 3);
                 x.abs().max(y.abs()) == 2
             })
             .collect();

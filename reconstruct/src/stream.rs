@@ -1,8 +1,8 @@
 //! The viewer's stream, `ARS1`: a model in a form that a browser shows while it arrives.
 //!
 //! Little-endian: `"ARS1"` · u32 length of the header · header JSON padded with spaces to a multiple of 4 · chunks of 4096
-//! points · triangles. A chunk of n points: u16[3n] positions (`p = min + q / 65535 * (max - min)`, metres, z up), u8[3n]
-//! sRGB, with normals i8[2n] (octahedral, after Cigolle et al. 2014), zeros up to a multiple of 4; then u32[3] a triangle.
+//! points · triangles. A chunk of n points: `u16[3n]` positions (`p = min + q / 65535 * (max - min)`, metres, z up), `u8[3n]`
+//! sRGB, with normals `i8[2n]` (octahedral, after Cigolle et al. 2014), zeros up to a multiple of 4; then `u32[3]` a triangle.
 //!
 //! The points of a plain cloud are in an order in which **any prefix is an even sample of the whole**: along a Morton
 //! curve, whose neighbours are neighbours in space, read at the indices of van der Corput's sequence, which fills an

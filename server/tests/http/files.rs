@@ -159,7 +159,7 @@ fn the_report_is_shown() {
 }
 
 /// A PNG with some structure in it.
-pub fn png_of(width: u32, height: u32) -> Vec<u8> {
+pub(crate) fn png_of(width: u32, height: u32) -> Vec<u8> {
     let mut out = Vec::new();
     let mut encoder = png::Encoder::new(&mut out, width, height);
     encoder.set_color(png::ColorType::Rgb);

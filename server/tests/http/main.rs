@@ -1,6 +1,6 @@
 //! The server through real HTTP, on port 0 with a database of its own a test.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests, too")]
+#![allow(clippy::unwrap_used, clippy::unused_self, reason = "helpers of tests, too")]
 
 mod accounts;
 mod files;

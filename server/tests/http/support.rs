@@ -16,14 +16,14 @@ use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 use ureq::Agent;
 
-pub const PASSWORD: &str = "correct horse battery";
+pub(crate) const PASSWORD: &str = "correct horse battery";
 /// No test waits longer than this for what must happen.
 const PATIENCE: Duration = Duration::from_secs(20);
 
 /// Three points.
-pub const ASC: &str = "0.0 0.0 0.0 255 0 0\n10.0 0.0 5.0 0 255 0\n3.0 20.0 5.0 1 2 3\n";
+pub(crate) const ASC: &str = "0.0 0.0 0.0 255 0 0\n10.0 0.0 5.0 0 255 0\n3.0 20.0 5.0 1 2 3\n";
 
-pub struct Server {
+pub(crate) struct Server {
     pub address: SocketAddr,
     pub app: App,
     pub folder: TempDir,
@@ -34,38 +34,38 @@ pub struct Server {
 
 /// Who asks.
 #[derive(Debug, Clone)]
-pub enum Who {
+pub(crate) enum Who {
     Nobody,
     Cookie(String),
     Token(String),
 }
 
-pub struct Answer {
+pub(crate) struct Answer {
     pub status: u16,
     pub headers: ureq::http::HeaderMap,
     pub body: Vec<u8>,
 }
 
 impl Answer {
-    pub fn json(&self) -> Value {
+    pub(crate) fn json(&self) -> Value {
         serde_json::from_slice(&self.body)
             .unwrap_or_else(|e| panic!("{e}: {}", String::from_utf8_lossy(&self.body)))
     }
 
-    pub fn header(&self, name: &str) -> &str {
+    pub(crate) fn header(&self, name: &str) -> &str {
         self.headers.get(name).map_or("", |value| value.to_str().unwrap())
     }
 
     /// The status was this one.
     #[track_caller]
-    pub fn expect(self, status: u16) -> Self {
+    pub(crate) fn expect(self, status: u16) -> Self {
         assert_eq!(self.status, status, "{}", String::from_utf8_lossy(&self.body));
         self
     }
 
     /// A refusal with that code, in the right form.
     #[track_caller]
-    pub fn refused(self, status: u16, code: &str) -> Self {
+    pub(crate) fn refused(self, status: u16, code: &str) -> Self {
         let answer = self.expect(status);
         assert_eq!(answer.header("content-type"), "application/problem+json");
         let problem = answer.json();
@@ -77,7 +77,7 @@ impl Answer {
     }
 }
 
-pub fn quick_config(folder: &TempDir) -> Config {
+pub(crate) fn quick_config(folder: &TempDir) -> Config {
     let mut config = Config::new(folder.path(), ([127, 0, 0, 1], 0).into());
     config.password_cost = PasswordCost { memory_kib: 8, passes: 1 };
     config.limits.login_burst = 1000;
@@ -85,17 +85,17 @@ pub fn quick_config(folder: &TempDir) -> Config {
 }
 
 impl Server {
-    pub fn start() -> Self {
+    pub(crate) fn start() -> Self {
         Self::start_with(|_| ())
     }
 
-    pub fn start_with(change: impl FnOnce(&mut Config)) -> Self {
+    pub(crate) fn start_with(change: impl FnOnce(&mut Config)) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let storage = Storage::folder(&folder.path().join("files")).unwrap();
         Self::start_over(folder, storage, change)
     }
 
-    pub fn start_over(folder: TempDir, storage: Storage, change: impl FnOnce(&mut Config)) -> Self {
+    pub(crate) fn start_over(folder: TempDir, storage: Storage, change: impl FnOnce(&mut Config)) -> Self {
         let mut config = quick_config(&folder);
         change(&mut config);
         let (stop, stopped) = oneshot::channel();
@@ -120,20 +120,20 @@ impl Server {
     }
 
     /// Tells the server to stop; `wait` waits for its end.
-    pub fn stop(&mut self) {
+    pub(crate) fn stop(&mut self) {
         drop(self.stop.take());
     }
 
-    pub fn wait(&mut self) {
+    pub(crate) fn wait(&mut self) {
         self.thread.take().unwrap().join().unwrap();
     }
 
-    pub fn block_on<T>(&self, work: impl Future<Output = T>) -> T {
+    pub(crate) fn block_on<T>(&self, work: impl Future<Output = T>) -> T {
         tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap().block_on(work)
     }
 
     /// A token of that account.
-    pub fn token(&self, name: &str, scopes: &[Scope]) -> Who {
+    pub(crate) fn token(&self, name: &str, scopes: &[Scope]) -> Who {
         let (text, _) = self.block_on(async {
             let account = self.app.db.account_by_name(name).await.unwrap().unwrap();
             let new = NewToken { name: "test".into(), scopes: scopes.to_vec(), days: None };
@@ -143,18 +143,18 @@ impl Server {
     }
 
     /// A token that may do everything.
-    pub fn manager(&self, name: &str) -> Who {
+    pub(crate) fn manager(&self, name: &str) -> Who {
         self.token(name, &[Scope::Manage])
     }
 
-    pub fn log_in(&self, name: &str) -> Who {
+    pub(crate) fn log_in(&self, name: &str) -> Who {
         let body = json!({"name": name, "password": PASSWORD});
         let answer = self.send("POST", "/api/session", &Who::Nobody, &[], Some(body)).expect(200);
         Who::Cookie(cookie_of(&answer))
     }
 
     /// With headers of our choosing and a JSON body.
-    pub fn send(
+    pub(crate) fn send(
         &self,
         method: &str,
         path: &str,
@@ -171,7 +171,7 @@ impl Server {
     }
 
     /// With headers of our choosing and any body.
-    pub fn raw(
+    pub(crate) fn raw(
         &self,
         method: &str,
         path: &str,
@@ -194,28 +194,28 @@ impl Server {
         Answer { status: answer.status().as_u16(), headers: answer.headers().clone(), body }
     }
 
-    pub fn get(&self, path: &str, who: &Who) -> Answer {
+    pub(crate) fn get(&self, path: &str, who: &Who) -> Answer {
         self.raw("GET", path, who, &[], Vec::new())
     }
 
-    pub fn post(&self, path: &str, who: &Who, body: Value) -> Answer {
+    pub(crate) fn post(&self, path: &str, who: &Who, body: Value) -> Answer {
         self.send("POST", path, who, &[("sec-fetch-site", "same-origin")], Some(body))
     }
 
     /// A draft; its JSON.
-    pub fn draft(&self, who: &Who, title: &str) -> Value {
+    pub(crate) fn draft(&self, who: &Who, title: &str) -> Value {
         self.post("/api/products", who, json!({"title": title})).expect(201).json()
     }
 
     /// A draft with a small model; its id.
-    pub fn draft_with_model(&self, who: &Who, title: &str) -> String {
+    pub(crate) fn draft_with_model(&self, who: &Who, title: &str) -> String {
         let id = id_of(&self.draft(who, title));
         self.raw("PUT", &format!("/api/products/{id}/model"), who, &[], ASC.into()).expect(200);
         id
     }
 
     /// A public listing; its JSON.
-    pub fn active(&self, who: &Who, title: &str) -> Value {
+    pub(crate) fn active(&self, who: &Who, title: &str) -> Value {
         let id = self.draft_with_model(who, title);
         let admin = self.manager("ann");
         self.post(&format!("/api/products/{id}/status"), &admin, json!({"status": "active"}))
@@ -224,14 +224,14 @@ impl Server {
     }
 
     /// A connection of our own.
-    pub fn connect(&self) -> TcpStream {
+    pub(crate) fn connect(&self) -> TcpStream {
         let stream = TcpStream::connect(self.address).unwrap();
         stream.set_read_timeout(Some(PATIENCE)).unwrap();
         stream
     }
 
     /// Names of all stored files.
-    pub fn stored(&self) -> Vec<String> {
+    pub(crate) fn stored(&self) -> Vec<String> {
         let mut names = Vec::new();
         let mut folders = vec![self.folder.path().join("files/objects")];
         while let Some(folder) = folders.pop() {
@@ -249,7 +249,7 @@ impl Server {
     }
 
     /// Names of all bodies that are still kept.
-    pub fn spooled(&self) -> Vec<String> {
+    pub(crate) fn spooled(&self) -> Vec<String> {
         let entries = std::fs::read_dir(self.folder.path().join("spool")).unwrap();
         entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
     }
@@ -265,17 +265,17 @@ impl Drop for Server {
     }
 }
 
-pub fn id_of(product: &Value) -> String {
+pub(crate) fn id_of(product: &Value) -> String {
     product["id"].as_str().unwrap().to_string()
 }
 
-pub fn cookie_of(answer: &Answer) -> String {
+pub(crate) fn cookie_of(answer: &Answer) -> String {
     answer.header("set-cookie").split(';').next().unwrap().to_string()
 }
 
 /// Asks again and again until it is so; what must happen happens long before patience ends.
 #[track_caller]
-pub fn until(what: &str, mut so: impl FnMut() -> bool) {
+pub(crate) fn until(what: &str, mut so: impl FnMut() -> bool) {
     let started = Instant::now();
     while !so() {
         assert!(started.elapsed() < PATIENCE, "{what} did not happen");
@@ -284,24 +284,24 @@ pub fn until(what: &str, mut so: impl FnMut() -> bool) {
 }
 
 /// The head of a request of our own, with a token.
-pub fn head_of(method: &str, path: &str, who: &Who, headers: &[(&str, &str)]) -> String {
+pub(crate) fn head_of(method: &str, path: &str, who: &Who, headers: &[(&str, &str)]) -> String {
     let Who::Token(token) = who else { panic!("a token") };
     let mut text = format!(
         "{method} {path} HTTP/1.1\r\nHost: test\r\nConnection: close\r\nAuthorization: Bearer {token}\r\n"
     );
     for (name, value) in headers {
-        text += &format!("{name}: {value}\r\n");
+        text.push_str(&[name, ": ", value, "\r\n"].concat());
     }
     text + "\r\n"
 }
 
 /// Sends the bytes and reads all that comes back.
-pub fn exchange(stream: &mut TcpStream, bytes: &[u8]) -> String {
+pub(crate) fn exchange(stream: &mut TcpStream, bytes: &[u8]) -> String {
     stream.write_all(bytes).unwrap();
     read_all(stream)
 }
 
-pub fn read_all(stream: &mut TcpStream) -> String {
+pub(crate) fn read_all(stream: &mut TcpStream) -> String {
     let mut answer = Vec::new();
     stream.read_to_end(&mut answer).unwrap();
     String::from_utf8_lossy(&answer).into_owned()
