@@ -1,4 +1,4 @@
-//! Brings in recordings of other programs: each importer turns a folder into a [`Source`], [`write`] makes the recording.
+//! Brings in recordings of other programs: each importer turns a folder into a [`Source`], [`write()`] makes the recording.
 
 pub mod bop;
 mod error;

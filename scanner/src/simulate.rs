@@ -1,6 +1,6 @@
 //! The simulated Kinect: products made by this code, scanned in a cluttered room, with the exact truth beside the images.
 //!
-//! [`scan`] renders a whole recording in memory, [`write`] puts it on disk as `recording.json` with `truth/`, and [`MockDevice`]
+//! [`scan`] renders a whole recording in memory, [`write()`] puts it on disk as `recording.json` with `truth/`, and [`MockDevice`]
 //! gives frames one by one as a driver would. A [`SimulatedScan`] can be built without files: it is a [`crate::pipeline::ViewSource`]. Everything follows from the seed; the number of threads changes no byte.
 //! World = board frame, metres; colour camera x right, y down, z forward.
 

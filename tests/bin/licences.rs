@@ -9,7 +9,8 @@ use std::process::{Command, ExitCode};
 use serde_json::Value;
 
 /// Licences that may be shipped with a program under MIT OR Apache-2.0.
-const ALLOWED: [&str; 14] = [
+const ALLOWED: [&str; 15] = [
+    "IJG",
     "MIT",
     "MIT-0",
     "Apache-2.0",
@@ -31,7 +32,7 @@ const ALLOWED_FOR_TOOLS: [&str; 6] =
     ["MPL-2.0", "BlueOak-1.0.0", "CC-BY-4.0", "Python-2.0", "Unlicense", "WTFPL"];
 
 /// Crates that may be there in more than one version, since well-kept libraries have not yet moved on together.
-const MAY_BE_TWICE: [&str; 32] = [
+const MAY_BE_TWICE: [&str; 33] = [
     "base64",
     "bitflags",
     "block-buffer",
