@@ -36,6 +36,7 @@ lint: web ## format, clippy, rustdoc, TypeScript and web lints, all as errors
 	cd tests/e2e && $(NPM_INSTALL) && npm run lint && npm run check
 
 test-rust: build ## unit, property, snapshot and cross-crate tests
+	cd tests/gltf && $(NPM_INSTALL)
 	cargo test $(CARGO_FLAGS) --workspace
 
 test-web: web ## the web client's own tests
