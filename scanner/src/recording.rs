@@ -20,7 +20,7 @@ pub use board::parse as parse_board;
 pub use description::parse as parse_description;
 pub(crate) use description::{check_camera, check_units};
 pub use error::RecordingError;
-pub use writer::{OWNED_NAMES, RecordingWriter};
+pub use writer::{OWNED_NAMES, RecordingWriter, check_place};
 
 use crate::pictures;
 

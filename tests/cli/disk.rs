@@ -125,6 +125,7 @@ fn a_folder_of_other_pictures_is_not_overwritten() {
     let simulate = ["simulate", "--product", "mug", "--views", "1", "--frames", "1", "--out", folder];
     let ran = scan(simulate).with_status(2);
     assert!(ran.err.contains("color") && ran.err.contains("another folder"), "{}", ran.err);
+    assert!(!ran.err.contains("simulating"), "said only after the work: {}", ran.err);
     assert_eq!(names(home.path()), ["color"]);
     assert_eq!(fs::read(home.path().join("color/holiday.png")).unwrap(), b"precious");
 }

@@ -8,8 +8,7 @@ use reconstruct::board::{BoardFile, Family, KnownBoard};
 use serde_json::json;
 
 use crate::cli::DONE;
-use crate::output;
-use crate::recording::parse_board;
+use crate::recording::{check_place, parse_board};
 use crate::simulate::{Kind, NoiseLevel, Paper, ScanSpec, ring, scan_with, write};
 use crate::ui::Ui;
 
@@ -91,7 +90,7 @@ fn family(name: &str) -> Result<Family, String> {
 pub fn run(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
     let spec = spec(args)?;
     spec.check()?;
-    output::check_writable(&args.out)?;
+    check_place(&args.out)?;
     let stage = ui.stage("simulating", spec.views);
     let scan = scan_with(&spec, || stage.step())?;
     stage.done();

@@ -7,7 +7,7 @@ use reconstruct::pose;
 use reconstruct::recording::{DepthCamera, Device, FrameEntry, RecordingFile, Rig, ViewEntry, ViewImages};
 use serde::Serialize;
 
-use crate::output::{OutputDir, OutputError};
+use crate::output::{self, OutputDir, OutputError};
 use crate::pictures;
 
 /// What a recording consists of; an older one of these names is replaced.
@@ -25,10 +25,7 @@ pub struct RecordingWriter {
 impl RecordingWriter {
     /// Starts a recording in the folder `out`. One that is there already is replaced; pictures of other origin are not.
     pub fn begin(out: &Path, rig: &Rig, units_per_metre: f64, device: Device) -> Result<Self, OutputError> {
-        if !out.join("recording.json").exists() {
-            let foreign = OWNED_NAMES.iter().map(|name| out.join(name)).find(|path| path.is_dir());
-            foreign.map_or(Ok(()), |path| Err(OutputError::Foreign(path)))?;
-        }
+        check_place(out)?;
         let file = RecordingFile {
             version: 1,
             device,
@@ -109,6 +106,15 @@ impl RecordingWriter {
         self.write_json("recording.json", &self.file)?;
         self.out.commit()
     }
+}
+
+/// Refuses a folder in which a recording would replace pictures of other origin, or in which nothing can be written.
+pub fn check_place(out: &Path) -> Result<(), OutputError> {
+    if !out.join("recording.json").exists() {
+        let foreign = OWNED_NAMES.iter().map(|name| out.join(name)).find(|path| path.is_dir());
+        foreign.map_or(Ok(()), |path| Err(OutputError::Foreign(path)))?;
+    }
+    output::check_writable(out)
 }
 
 fn encoded(bytes: Result<Vec<u8>, png::EncodingError>) -> Result<Vec<u8>, OutputError> {
