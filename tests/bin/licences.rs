@@ -9,7 +9,7 @@ use std::process::{Command, ExitCode};
 use serde_json::Value;
 
 /// Licences that may be shipped with a program under MIT OR Apache-2.0.
-const ALLOWED: [&str; 15] = [
+const ALLOWED: &[&str] = &[
     "IJG",
     "MIT",
     "MIT-0",
@@ -28,11 +28,11 @@ const ALLOWED: [&str; 15] = [
 ];
 
 /// Licences of tools that are only used while building and testing.
-const ALLOWED_FOR_TOOLS: [&str; 6] =
-    ["MPL-2.0", "BlueOak-1.0.0", "CC-BY-4.0", "Python-2.0", "Unlicense", "WTFPL"];
+const ALLOWED_FOR_TOOLS: &[&str] =
+    &["MPL-2.0", "BlueOak-1.0.0", "CC-BY-4.0", "Python-2.0", "Unlicense", "WTFPL"];
 
 /// Crates that may be there in more than one version, since well-kept libraries have not yet moved on together.
-const MAY_BE_TWICE: [&str; 33] = [
+const MAY_BE_TWICE: &[&str] = &[
     "base64",
     "bitflags",
     "block-buffer",
@@ -95,7 +95,7 @@ fn crates(root: &Path) -> Vec<String> {
     for package in packages.iter().filter(|p| !p["source"].is_null()) {
         let (name, version) = (text(&package["name"]), text(&package["version"]));
         let licence = text(&package["license"]);
-        if !is_allowed(&licence, &ALLOWED) {
+        if !is_allowed(&licence, ALLOWED) {
             problems.push(format!("crate {name} {version}: licence {licence:?} is not among the allowed"));
         }
         versions.entry(name).or_default().insert(version);
@@ -126,8 +126,8 @@ fn npm(folder: &Path) -> Vec<String> {
         let licence = text(&package["license"]);
         let tool =
             package["dev"].as_bool().unwrap_or(false) || package["devOptional"].as_bool().unwrap_or(false);
-        let allowed = is_allowed(&licence, &ALLOWED)
-            || tool && is_allowed(&licence, &[ALLOWED.as_slice(), &ALLOWED_FOR_TOOLS].concat());
+        let allowed = is_allowed(&licence, ALLOWED)
+            || tool && is_allowed(&licence, &[ALLOWED, ALLOWED_FOR_TOOLS].concat());
         if !allowed {
             problems.push(format!("npm {name}: licence {licence:?} is not among the allowed"));
         }
