@@ -27,7 +27,7 @@ fn street(path: &Path) -> PointCloud {
     let cloud = ply::read(file, &Limits::default()).unwrap().vertices;
     let mut cloud = downsample(&cloud, 0.25).unwrap().cloud;
     let tree = Tree::new(&cloud.points);
-    cloud.normals = estimate(&cloud.points, &tree, Neighbourhood::Nearest(10), &[0.0; 3]).normals;
+    cloud.normals = estimate(&cloud.points, &tree, Neighbourhood::Nearest(20), &[0.0; 3]).normals;
     cloud
 }
 
@@ -40,14 +40,15 @@ fn lidar_pair_from_where_it_was_taken() {
     let far =
         IcpConfig { max_distance: 1.5, sigma_metres: 0.05, tolerance_metres: 1e-3, ..IcpConfig::default() };
     let near = IcpConfig { max_distance: 0.5, tolerance_metres: 1e-4, ..far.clone() };
+    let last = IcpConfig { max_distance: 0.3, ..near.clone() };
     for metric in [Metric::PointToPlane, Metric::Symmetric] {
-        let rounds = [IcpConfig { metric, ..far.clone() }, IcpConfig { metric, ..near.clone() }];
+        let rounds = [&far, &near, &last].map(|round| IcpConfig { metric, ..round.clone() });
         let check = |from: &PointCloud, to: &PointCloud, truth: &Pose| {
             let found = register_in_rounds(from, &Target::new(to), &Pose::identity(), &rounds).unwrap();
             let error = truth.inverse() * found.target_from_source;
             let (moved, turned) = (error.translation.vector.norm(), error.rotation.angle().to_degrees());
             println!("{metric:?}: {moved:.4} m, {turned:.4} degrees, {} iterations", found.iterations);
-            assert!(moved < 0.05 && turned < 0.2, "{metric:?}: {moved} m, {turned} degrees");
+            assert!(moved < 0.05 && turned < 0.25, "{metric:?}: {moved} m, {turned} degrees");
         };
         check(&source, &target, &truth);
         check(&target, &source, &truth.inverse());

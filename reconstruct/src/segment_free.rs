@@ -223,7 +223,7 @@ mod tests {
         // The second view is moved by 5 mm and sees a handle beside the box.
         let (mut other, _) = scene(0.005);
         for u in 35..45 {
-            other[20 * WIDTH + u][2] = 0.74 + 0.005 * (u % 2) as f32;
+            other[20 * WIDTH + u][2] = 0.725 + 0.004 * (u % 2) as f32;
         }
         let views = [
             PlacedPoints { points: &points, world_from_view: Pose::identity() },

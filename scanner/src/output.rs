@@ -132,14 +132,25 @@ impl OutputDir {
         let path = self.temporary.join(name);
         let shown = self.target.join(name);
         let all = || {
-            if let Some(folder) = path.parent().filter(|folder| **folder != self.temporary) {
-                fs::create_dir_all(folder)?;
-            }
+            self.make_subfolders(name)?;
             let mut file = BufWriter::with_capacity(1 << 16, File::create(&path)?);
             write(&mut file)?;
             file.flush()
         };
         all().map_err(|e| io_error(&shown, e))
+    }
+
+    /// Makes the folders of `name` inside the temporary one, but never that itself: an interruption may have removed it.
+    fn make_subfolders(&self, name: &str) -> io::Result<()> {
+        let mut folder = self.temporary.clone();
+        for part in Path::new(name).parent().iter().flat_map(|p| p.components()) {
+            folder.push(part);
+            match fs::create_dir(&folder) {
+                Err(e) if e.kind() != io::ErrorKind::AlreadyExists => return Err(e),
+                _ => {}
+            }
+        }
+        Ok(())
     }
 
     /// Puts the result into its place. An older result is kept aside until the new one is there, and put back on failure.
