@@ -15,8 +15,6 @@ use crate::view::DepthView;
 pub struct ConsistencyConfig {
     /// Gaps up to this are noise, metres.
     pub noise_metres: f64,
-    /// Contradictions count as at most this large, metres: behind the product's outline the room may be far.
-    pub far_metres: f64,
     /// A pair needs this many common points to be judged.
     pub min_common: usize,
     /// A view with a larger share of contradicting points does not fit ...
@@ -29,14 +27,7 @@ pub struct ConsistencyConfig {
 
 impl Default for ConsistencyConfig {
     fn default() -> Self {
-        Self {
-            noise_metres: 0.005,
-            far_metres: 0.020,
-            min_common: 150,
-            max_conflict: 0.06,
-            max_ratio: 3.0,
-            samples: 2500,
-        }
+        Self { noise_metres: 0.005, min_common: 150, max_conflict: 0.06, max_ratio: 3.0, samples: 2500 }
     }
 }
 
@@ -47,8 +38,6 @@ pub struct ViewFit {
     pub conflict: Option<f64>,
     /// Root mean square distance to the neighbours' surfaces where they agree, metres.
     pub inlier_rmse_metres: f64,
-    /// Middle distance of the contradicting points, metres.
-    pub conflict_metres: f64,
     /// Neighbours compared with.
     pub neighbours: usize,
 }
@@ -58,12 +47,12 @@ pub struct ViewFit {
 struct Meeting {
     agree: usize,
     squares: f64,
-    conflicts: Vec<f64>,
+    conflicts: usize,
 }
 
 impl Meeting {
     fn common(&self) -> usize {
-        self.agree + self.conflicts.len()
+        self.agree + self.conflicts
     }
 }
 
@@ -90,7 +79,6 @@ pub fn agreement(
 /// Gathers what view `i` met in the others and the others in it.
 fn fit_of(i: usize, n: usize, one_way: &[Meeting], config: &ConsistencyConfig) -> ViewFit {
     let mut shares = Vec::new();
-    let mut gaps = Vec::new();
     let (mut squares, mut agree) = (0.0, 0usize);
     for j in (0..n).filter(|&j| j != i) {
         let both = [&one_way[i * n + j], &one_way[j * n + i]];
@@ -98,16 +86,14 @@ fn fit_of(i: usize, n: usize, one_way: &[Meeting], config: &ConsistencyConfig) -
         if common < config.min_common {
             continue;
         }
-        let conflicts: usize = both.iter().map(|m| m.conflicts.len()).sum();
+        let conflicts: usize = both.iter().map(|m| m.conflicts).sum();
         shares.push(conflicts as f64 / common as f64);
-        gaps.extend(both.iter().flat_map(|m| &m.conflicts));
         squares += both.iter().map(|m| m.squares).sum::<f64>();
         agree += common - conflicts;
     }
     ViewFit {
         conflict: middle(&mut shares),
         inlier_rmse_metres: (squares / agree.max(1) as f64).sqrt(),
-        conflict_metres: middle(&mut gaps).unwrap_or(0.0),
         neighbours: shares.len(),
     }
 }
@@ -148,7 +134,7 @@ fn meet(views: &[&DepthView], poses: &[Pose], i: usize, j: usize, config: &Consi
             meeting.squares += gap * gap;
         } else if gap > 0.0 {
             // Only seeing through is a contradiction: what lies behind the seen surface may be hidden by another part.
-            meeting.conflicts.push(gap.min(config.far_metres));
+            meeting.conflicts += 1;
         }
     }
     meeting
@@ -164,12 +150,7 @@ mod tests {
     use super::*;
 
     fn fits(shares: &[f64]) -> Vec<ViewFit> {
-        let fit = |&share| ViewFit {
-            conflict: Some(share),
-            inlier_rmse_metres: 0.001,
-            conflict_metres: 0.01,
-            neighbours: 4,
-        };
+        let fit = |&share| ViewFit { conflict: Some(share), inlier_rmse_metres: 0.001, neighbours: 4 };
         shares.iter().map(fit).collect()
     }
 

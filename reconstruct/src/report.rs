@@ -120,8 +120,8 @@ pub enum LeftOut {
     OutsideRegion,
     /// The surface does not match the other views'.
     DoesNotFit {
-        /// Middle distance, metres.
-        offset_metres: f64,
+        /// Share of its points that contradict the other views.
+        conflict: f64,
     },
     /// No other view shares enough surface to place this one.
     NoOverlap,
@@ -175,11 +175,11 @@ impl std::fmt::Display for LeftOut {
                     "the product does not stand in the middle of the board: put it inside the marked region"
                 )
             }
-            Self::DoesNotFit { offset_metres } => write!(
+            Self::DoesNotFit { conflict } => write!(
                 f,
-                "the product stands differently here than in the other views (about {:.0} mm off): it was probably knocked or \
-                 turned; take this view again",
-                (offset_metres * 1000.0).max(1.0)
+                "the product stands differently here than in the other views ({:.0} % of the surface contradicts them): it was \
+                 probably knocked or turned; take this view again",
+                conflict * 100.0
             ),
             Self::NoOverlap => {
                 write!(f, "this view shares too little surface with the others: take another one in between")
@@ -195,8 +195,8 @@ mod tests {
 
     #[test]
     fn reasons_say_what_to_do() {
-        let knocked = LeftOut::DoesNotFit { offset_metres: 0.0062 }.to_string();
-        assert!(knocked.contains("knocked") && knocked.contains("6 mm"), "{knocked}");
+        let knocked = LeftOut::DoesNotFit { conflict: 0.162 }.to_string();
+        assert!(knocked.contains("knocked") && knocked.contains("16 %"), "{knocked}");
         assert!(LeftOut::OneTag { id: 7 }.to_string().contains("id 7"));
     }
 }

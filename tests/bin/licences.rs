@@ -42,6 +42,7 @@ const MAY_BE_TWICE: &[&str] = &[
     "foldhash",
     "getrandom",
     "hashbrown",
+    "glam",
     "heck",
     "itertools",
     "linux-raw-sys",

@@ -87,7 +87,7 @@ export const texts = {
     noDescription: "The seller has not written a description.",
     scanTitle: "How well was it scanned?",
     verdicts: {
-      good: "Good scan: all sides were captured and fit together well.",
+      good: "Good scan: the views fit together well.",
       acceptable: "Acceptable scan: the shape is right, small parts may be rough or missing.",
       poor: "Poor scan: parts are missing or uncertain. Ask the seller about anything that matters to you.",
     } as Record<string, string>,

@@ -30,7 +30,7 @@ pub fn refine_together(scan: &mut Work, config: &Config) {
             scan.views[i].fit = Some(fits[k]);
         }
         let Some(worst) = worst else { return };
-        let offset_metres = fits[worst].conflict_metres;
-        scan.views[used[worst]].leave_out(LeftOut::DoesNotFit { offset_metres });
+        let conflict = fits[worst].conflict.unwrap_or(0.0);
+        scan.views[used[worst]].leave_out(LeftOut::DoesNotFit { conflict });
     }
 }
