@@ -42,6 +42,24 @@ impl Default for PosterConfig {
     }
 }
 
+/// A model whose surface faces one side by this much on the mean was not measured all round.
+const ONE_SIDED: f64 = 0.2;
+
+impl PosterConfig {
+    /// The usual picture; of a model that was measured from one side only, the picture from that side.
+    pub fn facing(mesh: &Mesh) -> Self {
+        let normals = &mesh.vertices.normals;
+        let count = normals.len().max(1) as f64;
+        let [x, y, z] = [0, 1, 2].map(|k| normals.iter().map(|n| f64::from(n[k])).sum::<f64>() / count);
+        if x.hypot(y) < ONE_SIDED {
+            return Self::default();
+        }
+        // The camera stands at (sin azimuth, -cos azimuth).
+        let elevation = z.atan2(x.hypot(y)).clamp(0.3, 1.2);
+        Self { azimuth: x.atan2(-y), elevation, ..Self::default() }
+    }
+}
+
 /// Draws more pixels than this a side and averages them.
 const SUPERSAMPLING: usize = 2;
 /// Neighbours whose distance gives a disc its radius.

@@ -52,7 +52,7 @@ fn write_glb(dir: &OutputDir, mesh: &Mesh) -> Result<(), OutputError> {
 }
 
 fn write_poster(dir: &OutputDir, mesh: &Mesh) -> Result<(), OutputError> {
-    let picture = poster::draw(mesh, &PosterConfig::default());
+    let picture = poster::draw(mesh, &PosterConfig::facing(mesh));
     dir.write_with("poster.png", |file| {
         let bytes = pictures::encode_small(&picture, POSTER_BYTES).map_err(io::Error::other)?;
         io::Write::write_all(file, &bytes)

@@ -94,3 +94,17 @@ fn odd_models_are_drawn_too() {
     let vertices = PointCloud { points: vec![[0.5; 3]], ..PointCloud::default() };
     draw(&Mesh { vertices, triangles: Vec::new() }, &PosterConfig { width: 0, ..config() });
 }
+
+#[test]
+fn what_was_seen_from_one_side_is_drawn_from_there() {
+    let facing = |normals: Vec<[f32; 3]>| {
+        let vertices = PointCloud { points: vec![[0.0; 3]; normals.len()], colors: vec![], normals };
+        PosterConfig::facing(&Mesh { vertices, triangles: vec![] })
+    };
+    let all_round = facing(vec![[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]);
+    assert_eq!(all_round, PosterConfig::default());
+    let from_the_front = facing(vec![[0.0, -1.0, 0.0]]);
+    assert!(from_the_front.azimuth.abs() < 1e-9);
+    let from_the_right = facing(vec![[1.0, 0.0, 0.0]]);
+    assert!((from_the_right.azimuth - std::f64::consts::FRAC_PI_2).abs() < 1e-9);
+}
