@@ -1,5 +1,7 @@
 //! The command line: what can be asked for. Each command has its arguments and its work in `commands/`.
 
+use std::ffi::OsString;
+
 use clap::{Parser, Subcommand};
 
 use crate::commands;
@@ -65,6 +67,13 @@ pub enum Command {
     Demo(commands::demo::Args),
     /// Print what a shell needs to complete the commands with the tab key
     Completions(commands::completions::Args),
+    /// Run a depth camera's driver; the program starts this itself, in a process of its own
+    #[command(name = kinect::child::SUBCOMMAND, hide = true, disable_help_flag = true)]
+    Driver {
+        /// Driver, pipe and sensor
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        args: Vec<OsString>,
+    },
 }
 
 /// Runs the command; the number is the exit status.
@@ -78,5 +87,6 @@ pub fn run(cli: &Cli) -> anyhow::Result<u8> {
         Command::Upload(args) => commands::upload::run(args, &ui),
         Command::Demo(args) => commands::demo::run(args, &ui),
         Command::Completions(args) => commands::completions::run(args),
+        Command::Driver { args } => Ok(kinect::worker::run(args)),
     }
 }

@@ -3,13 +3,17 @@
 use std::process::ExitCode;
 
 use clap::Parser;
-use scanner::cli::{self, Cli, DONE, INTERRUPTED, UNUSABLE};
+use scanner::cli::{self, Cli, Command, DONE, INTERRUPTED, UNUSABLE};
 use scanner::commands;
 use scanner::output;
 use scanner::ui::Ui;
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
+    if let Command::Driver { args } = &cli.command {
+        // It handles signals itself: the sensor's projector must not stay on.
+        return ExitCode::from(kinect::worker::run(args));
+    }
     let interrupt = || {
         output::remove_unfinished();
         // A demo that is served ends as it should; anything else was cut short.

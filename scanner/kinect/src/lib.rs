@@ -1,5 +1,40 @@
 //! Depth cameras: frames and events of real sensors, whatever their C libraries do.
 //!
-//! [`source`] has what every sensor offers, real, replayed or simulated: the [`source::Source`] trait.
+//! [`source`] has what every sensor offers, real, replayed or simulated: the [`source::Source`] trait. The C libraries run
+//! in processes of their own: [`child`] is the program's side of one, [`worker`] the driver's, [`wire`] what they say to
+//! each other.
+//!
+//! | what | convention |
+//! |---|---|
+//! | depth | as delivered, in `rig.depth`'s geometry; 0 = nothing measured |
+//! | times | nanoseconds on one clock for colour and depth |
+//! | gravity | colour camera's frame (x right, y down, z forward), metres per square second |
 
+pub mod child;
+pub mod clock;
+pub mod pair;
 pub mod source;
+pub mod wire;
+pub mod worker;
+
+use child::{ChildSource, Launch};
+use source::{Source, SourceError};
+
+/// Backends that run in a driver's process.
+const DRIVERS: [&str; 2] = ["freenect", "openni2"];
+
+/// Opens a sensor by its address: `freenect`, `freenect:SERIAL`, `openni2`, `openni2:URI`, `openni2:/path/file.oni`.
+///
+/// # Errors
+/// Why it cannot be had, with what to do about it.
+pub fn open(address: &str) -> Result<Box<dyn Source>, SourceError> {
+    let (driver, target) = address.split_once(':').unwrap_or((address, ""));
+    if !DRIVERS.contains(&driver) {
+        let words = format!(
+            "{address:?} is no address of a sensor: write freenect or freenect:SERIAL, openni2 or openni2:FILE"
+        );
+        return Err(SourceError::NotFound(words));
+    }
+    let launch = Launch::new(driver, target).map_err(|error| SourceError::Driver(error.to_string()))?;
+    Ok(Box::new(ChildSource::open(launch)?))
+}

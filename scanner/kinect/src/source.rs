@@ -77,6 +77,8 @@ pub enum Control {
     LockExposure(bool),
     /// Stand at this azimuth around the product, radians: the simulated sensor.
     Station(f64),
+    /// Take a sharper colour picture; it comes as [`Event::Still`], and frames rest meanwhile.
+    Still,
 }
 
 /// The lamp.
@@ -98,6 +100,8 @@ pub enum Led {
 pub enum Event {
     /// A pair of images.
     Frame(Arc<Frame>),
+    /// The colour picture that [`Control::Still`] asked for, larger than those of the frames.
+    Still(Arc<ColorImage>),
     /// The sensor is gone; [`Source::start`] tries to find it again.
     Unplugged,
     /// The driver ended, hung or said something that makes no sense, in words; [`Source::start`] begins anew.
