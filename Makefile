@@ -24,7 +24,7 @@ test: ## everything: lints, unit, property, cross-crate, browser and fuzz tests
 build: web ## build both programs, the web pages inside the server
 	cargo build $(CARGO_FLAGS) --bins
 
-web: ## build the web pages into web/dist
+web: ## build the web pages into web/dist and web/dist-capture
 	deploy/setup.sh build
 	cd web && $(NPM_INSTALL) && npm run build
 
@@ -59,4 +59,4 @@ marker-corners: ## corner error on RECORDING (with truth) against its poses
 	cargo run $(CARGO_FLAGS) -p tests --bin marker-corners -- "$(RECORDING)"
 
 clean: ## remove what was built
-	rm -rf target fuzz/target web/dist web/node_modules tests/e2e/node_modules out
+	rm -rf target fuzz/target web/dist web/dist-capture web/node_modules tests/e2e/node_modules out

@@ -3,6 +3,7 @@
 import type { ColourName } from "../math/colours";
 import { texts } from "../texts";
 import { h } from "../ui/dom";
+import type { StreamRequest } from "./load";
 import type { Viewer } from "./viewer";
 
 export interface FrameOptions {
@@ -10,7 +11,9 @@ export interface FrameOptions {
   readonly posterUrl: string | null;
   readonly streamUrl: string;
   readonly streamBytes: number | null;
+  readonly request?: StreamRequest;
   readonly signal: AbortSignal;
+  readonly onStarted?: (viewer: Viewer) => void;
   readonly onLoaded?: (viewer: Viewer, colours: ColourName[]) => void;
 }
 
@@ -70,10 +73,12 @@ async function start(
       context,
       streamUrl: options.streamUrl,
       streamBytes: options.streamBytes,
+      ...(options.request ? { request: options.request } : {}),
       signal,
       onFirstPicture: () => stage.classList.add("has-picture"),
       onLoaded: (colours) => options.onLoaded?.(viewer, colours),
     });
+    options.onStarted?.(viewer);
   } catch (error) {
     if (signal.aborted) return;
     console.info("The 3D view could not be started:", error);

@@ -30,9 +30,10 @@ export class Renderer {
   readonly #camera = new PerspectiveCamera((FIELD_OF_VIEW * 180) / Math.PI);
   readonly #geometry = new BufferGeometry();
   readonly #material: ShaderMaterial;
-  readonly #bounds: Bounds;
   readonly #isMesh: boolean;
-  readonly #surface: number;
+  readonly #object: Points | Mesh;
+  #bounds: Bounds;
+  #surface = 0;
   #uploadedPoints = 0;
   #heightPx = 1;
 
@@ -45,23 +46,29 @@ export class Renderer {
     this.#gl = new WebGLRenderer({ canvas, context });
     this.#bounds = header;
     this.#isMesh = header.kind === "mesh";
-    this.#surface = roughSurface(header);
     // Part of the scene, not of the context: it survives the context's loss.
     this.#scene.background = new Color(BACKDROP);
-    this.#material = this.#makeMaterial(header.hasNormals);
-    this.useModel(model);
-    this.#scene.add(this.#makeObject());
+    this.#material = this.#makeMaterial();
+    this.#object = this.#makeObject();
+    this.useModel(header, model);
+    this.#scene.add(this.#object);
     this.#camera.matrixAutoUpdate = false;
   }
 
-  /** Draws from these arrays from now on; they may still be filling up. */
-  useModel({ positions, colors, normals, indices }: Model): void {
+  /** Draws from these arrays from now on; they may still be filling up. Points stay points, and a mesh a mesh. */
+  useModel(header: StreamHeader, { positions, colors, normals, indices }: Model): void {
     const geometry = this.#geometry;
     geometry.dispose();
     this.#uploadedPoints = 0;
+    this.#bounds = header;
+    this.#surface = roughSurface(header);
+    this.#object.position.set(...header.min);
+    this.#object.scale.set(...sub(header.max, header.min));
+    this.#setUniform("hasNormals", header.hasNormals ? 1 : 0);
     geometry.setAttribute("position", new BufferAttribute(positions, LANES, true));
     geometry.setAttribute("color", new BufferAttribute(colors, LANES, true));
     if (normals.length > 0) geometry.setAttribute("direction", new BufferAttribute(normals, LANES, true));
+    else geometry.deleteAttribute("direction");
     if (this.#isMesh) geometry.setIndex(new BufferAttribute(indices, 1));
   }
 
@@ -74,6 +81,14 @@ export class Renderer {
       attribute.needsUpdate = true;
     }
     this.#uploadedPoints = ready;
+  }
+
+  /** Takes over colours and marks that were changed in place. */
+  refreshColors(): void {
+    const { color } = this.#geometry.attributes;
+    if (!(color instanceof BufferAttribute)) return;
+    color.clearUpdateRanges();
+    color.needsUpdate = true;
   }
 
   resize(width: number, height: number): void {
@@ -112,13 +127,13 @@ export class Renderer {
     if (uniform) uniform.value = value;
   }
 
-  #makeMaterial(hasNormals: boolean): ShaderMaterial {
+  #makeMaterial(): ShaderMaterial {
     return new ShaderMaterial({
       vertexShader: this.#isMesh ? MESH_VERTEX : POINT_VERTEX,
       fragmentShader: this.#isMesh ? MESH_FRAGMENT : POINT_FRAGMENT,
       side: DoubleSide,
       uniforms: {
-        hasNormals: { value: hasNormals ? 1 : 0 },
+        hasNormals: { value: 0 },
         worldSize: { value: 0 },
         pixelsPerUnit: { value: 1 },
       },
@@ -129,9 +144,6 @@ export class Renderer {
     const object = this.#isMesh
       ? new Mesh(this.#geometry, this.#material)
       : new Points(this.#geometry, this.#material);
-    const { min, max } = this.#bounds;
-    object.position.set(...min);
-    object.scale.set(...sub(max, min));
     // Three.js would work out a bounding sphere from the quantised numbers.
     object.frustumCulled = false;
     return object;

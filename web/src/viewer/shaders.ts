@@ -7,8 +7,11 @@ const LIGHT = `
     return 0.66 + 0.38 * abs(dot(normalInView, LIGHT));
   }`;
 
+/** Marked points are drawn in this colour whatever their own. */
+const MARK = "vec3(0.93, 0.07, 0.55)";
+
 export const POINT_VERTEX = `
-  attribute vec3 color;
+  attribute vec4 color;
   attribute vec3 direction;
   uniform float worldSize;
   uniform float pixelsPerUnit;
@@ -20,7 +23,7 @@ export const POINT_VERTEX = `
     gl_Position = projectionMatrix * inView;
     gl_PointSize = clamp(worldSize * pixelsPerUnit / max(1e-6, -inView.z), 1.5, 64.0);
     float light = hasNormals > 0.5 ? shade(normalize(mat3(viewMatrix) * direction)) : 1.0;
-    vColor = color * light;
+    vColor = color.a > 0.5 ? color.rgb * light : ${MARK};
   }`;
 
 export const POINT_FRAGMENT = `

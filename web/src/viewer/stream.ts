@@ -19,7 +19,7 @@ export interface StreamHeader {
 export interface Model {
   /** x, y, z of 0..65535 between the header's min and max, and one unused. */
   readonly positions: Uint16Array;
-  /** sRGB, and one unused. */
+  /** sRGB, and 255; a 0 there marks the point. */
   readonly colors: Uint8Array;
   /** Unit normals of length 127, and one unused; empty where the stream has none. */
   readonly normals: Int8Array;

@@ -11,7 +11,7 @@ import { pickPoint, pickTriangle, sightLine } from "../math/pick";
 import type { Vec3 } from "../math/vec3";
 import { texts } from "../texts";
 import { attachControls, type ControlActions } from "./controls";
-import { loadStream } from "./load";
+import { loadStream, type StreamRequest } from "./load";
 import { makePanel, type Panel } from "./panel";
 import { Renderer } from "./renderer";
 import { LANES, type Model, type StreamDecoder, type StreamHeader } from "./stream";
@@ -23,11 +23,20 @@ export interface ViewerOptions {
   readonly context: WebGL2RenderingContext;
   readonly streamUrl: string;
   readonly streamBytes: number | null;
+  readonly request?: StreamRequest;
   readonly signal: AbortSignal;
   /** Called once when there is something to see. */
   readonly onFirstPicture: () => void;
   /** Called when the whole model is there. */
   readonly onLoaded: (colours: ColourName[]) => void;
+}
+
+/** Where the model's points stand in the picture. */
+export interface Sight {
+  readonly orbit: orbits.Orbit;
+  readonly bounds: orbits.Bounds;
+  readonly positions: Uint16Array;
+  readonly points: number;
 }
 
 const STILL_MILLIS = 180;
@@ -45,6 +54,8 @@ export class Viewer {
   #decoder: StreamDecoder | null = null;
   #home: orbits.Orbit | null = null;
   #orbit: orbits.Orbit | null = null;
+  #streamUrl: string;
+  #loading = new AbortController();
   #pointScale = 1;
   #frame = 0;
   #movedAt = Number.NEGATIVE_INFINITY;
@@ -58,6 +69,7 @@ export class Viewer {
 
   constructor(options: ViewerOptions) {
     this.#options = options;
+    this.#streamUrl = options.streamUrl;
     const actions: ControlActions = {
       turn: (dx, dy) => this.#turn(dx, dy),
       pan: (dx, dy) => this.#move((orbit) => orbits.pan(orbit, dx, dy, options.canvas.clientHeight)),
@@ -87,17 +99,51 @@ export class Viewer {
     return new Promise((resolve) => this.#options.canvas.toBlob(resolve, "image/png"));
   }
 
+  /** Fetches the model anew, from another address where one is given; the person's view of it stays. */
+  reload(streamUrl?: string): void {
+    if (streamUrl !== undefined) this.#streamUrl = streamUrl;
+    void this.#load();
+  }
+
+  /** What is seen now; null until the whole model is there. */
+  sight(): Sight | null {
+    const { header, model, complete } = this.#decoder ?? {};
+    if (!header || !model || !complete || !this.#orbit) return null;
+    return { orbit: this.#orbit, bounds: header, positions: model.positions, points: header.points };
+  }
+
+  /** Shows these points, and no others, as marked. */
+  mark(indices: Iterable<number>): void {
+    const { model, header } = this.#decoder ?? {};
+    if (!model || !header) return;
+    for (let i = 0; i < header.points; i++) model.colors[i * LANES + LANES - 1] = 255;
+    for (const i of indices) model.colors[i * LANES + LANES - 1] = 0;
+    this.#renderer?.refreshColors();
+    this.#invalidate();
+  }
+
   async #load(): Promise<void> {
-    const { streamUrl, streamBytes, signal } = this.#options;
+    const { streamBytes, signal, request } = this.#options;
+    // Only the last of several calls counts.
+    this.#loading.abort();
+    const mine = new AbortController();
+    this.#loading = mine;
+    const ended = AbortSignal.any([signal, mine.signal]);
     this.#setState("loading");
     this.#panel.showMessage(null);
     this.#panel.showProgress(0);
     try {
       const onProgress = (decoder: StreamDecoder) => this.#onProgress(decoder);
-      await loadStream({ url: streamUrl, expectedBytes: streamBytes, signal, onProgress });
+      await loadStream({
+        url: this.#streamUrl,
+        expectedBytes: streamBytes,
+        signal: ended,
+        onProgress,
+        ...(request ? { request } : {}),
+      });
       this.#onLoaded();
     } catch (error) {
-      if (signal.aborted) return;
+      if (ended.aborted) return;
       console.info("The 3D model could not be loaded:", error);
       this.#setState("failed");
       this.#panel.showProgress(null);
@@ -118,7 +164,7 @@ export class Viewer {
   #begin(decoder: StreamDecoder, header: StreamHeader, model: Model): void {
     const { canvas, context } = this.#options;
     this.#decoder = decoder;
-    if (this.#renderer) this.#renderer.useModel(model);
+    if (this.#renderer) this.#renderer.useModel(header, model);
     else this.#renderer = new Renderer(canvas, context, header, model);
     if (header.kind === "mesh") this.#panel.hidePointSize();
     this.#resize();
