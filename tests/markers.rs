@@ -219,3 +219,51 @@ fn loose_sheets_agree_with_depth() {
         assert!((scale - 1.0).abs() < 0.02, "view {v}: depth is {scale} of what the tag size says");
     }
 }
+
+/// The point nearest to the rays (camera centre, direction), all in one frame.
+fn nearest_to_rays(rays: &[(nalgebra::Vector3<f64>, nalgebra::Vector3<f64>)]) -> nalgebra::Vector3<f64> {
+    let (mut lhs, mut rhs) = (nalgebra::Matrix3::zeros(), nalgebra::Vector3::zeros());
+    for (centre, direction) in rays {
+        let direction = direction.normalize();
+        let across = nalgebra::Matrix3::identity() - direction * direction.transpose();
+        lhs += across;
+        rhs += across * centre;
+    }
+    lhs.try_inverse().expect("the rays are not parallel") * rhs
+}
+
+/// The layout holds the sheets to one table. Whether they lie on one is asked of the views alone: each corner that
+/// several views see is intersected from its rays, free to lie at any height. Single corners curl; a sheet is their mean.
+#[test]
+fn loose_sheets_are_flat_without_being_held_flat() {
+    let Some((recording, views, layout)) = juice_cartons() else { return };
+    let camera = recording.rig().color;
+    let mut checked = 0;
+    for tag in &layout.board.tags {
+        let heights: Vec<f64> = (0..4)
+            .filter_map(|corner| {
+                let rays: Vec<_> = views
+                    .iter()
+                    .zip(&layout.camera_from_board)
+                    .filter_map(|(detections, pose)| {
+                        let seen = detections.iter().find(|d| d.id == tag.id)?;
+                        let board_from_camera = (*pose)?.inverse();
+                        let ray = camera.unproject(&seen.corners[corner], 1.0).coords;
+                        Some((board_from_camera.translation.vector, board_from_camera.rotation * ray))
+                    })
+                    .collect();
+                (rays.len() >= 2).then(|| nearest_to_rays(&rays).z)
+            })
+            .collect();
+        if heights.is_empty() {
+            continue; // Seen once: nothing says how high it lies.
+        }
+        let millimetres: Vec<f64> = heights.iter().map(|z| z * 1000.0).collect();
+        println!("tag {}: corners {millimetres:.2?} mm above the table", tag.id);
+        let mean = millimetres.iter().sum::<f64>() / millimetres.len() as f64;
+        println!("   the sheet: {mean:.2} mm");
+        assert!(mean.abs() < 3.0, "tag {}: {mean} mm above the table, corners {millimetres:.2?}", tag.id);
+        checked += 1;
+    }
+    assert_eq!(checked, 3, "three sheets are seen by several views");
+}

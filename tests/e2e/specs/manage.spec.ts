@@ -157,7 +157,8 @@ test("a wrong password is told; a page behind the login comes after it", async (
 });
 
 test("a session that ended asks for the login", async ({ page, shop, guard }) => {
-  guard.expect(/status of 401/);
+  // 401 for what is asked for next; 404 for a draft's thumbnail that was still on its way when the session ended.
+  guard.expect(/status of 40[14]/);
   await shop.logIn(page.context(), "seller");
   await page.goto("/manage");
   await expect(page.getByRole("heading", { level: 1, name: "My listings" })).toBeVisible();
