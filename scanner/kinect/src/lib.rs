@@ -12,12 +12,17 @@
 
 pub mod child;
 pub mod clock;
+#[cfg(feature = "openni2")]
+pub mod openni2;
 pub mod pair;
 pub mod source;
+mod sys;
 pub mod wire;
 pub mod worker;
 
-use child::{ChildSource, Launch};
+use std::path::Path;
+
+use child::{ChildSource, Launch, Overflow};
 use source::{Source, SourceError};
 
 /// Backends that run in a driver's process.
@@ -35,6 +40,16 @@ pub fn open(address: &str) -> Result<Box<dyn Source>, SourceError> {
         );
         return Err(SourceError::NotFound(words));
     }
-    let launch = Launch::new(driver, target).map_err(|error| SourceError::Driver(error.to_string()))?;
+    let mut launch = Launch::new(driver, target).map_err(|error| SourceError::Driver(error.to_string()))?;
+    if driver == "openni2" && is_recording(target) {
+        // Every frame of it is wanted, however long that takes.
+        launch.overflow = Overflow::Wait;
+    }
     Ok(Box::new(ChildSource::open(launch)?))
+}
+
+/// Whether a target of OpenNI2 means a recording; addresses of sensors are no paths that exist.
+pub(crate) fn is_recording(target: &str) -> bool {
+    let has_ending = Path::new(target).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("oni"));
+    has_ending || Path::new(target).is_file()
 }

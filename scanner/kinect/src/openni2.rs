@@ -64,12 +64,13 @@ pub fn version() -> Result<String, Failure> {
 }
 
 fn open<'a>(library: &'a Library, target: &str) -> Result<Device<'a>, Failure> {
-    if is_file_name(target) {
+    if crate::is_recording(target) {
         return open_file(library, target);
     }
     let mut sensors = library.devices()?;
     sensors.retain(|sensor| sensor.uri != DUMMY);
-    let uri = if target.is_empty() { sensors.first().map(|sensor| sensor.uri.as_str()) } else { Some(target) };
+    let uri =
+        if target.is_empty() { sensors.first().map(|sensor| sensor.uri.as_str()) } else { Some(target) };
     let known = |uri: &str| uri == DUMMY || sensors.iter().any(|sensor| sensor.uri == uri);
     match uri {
         Some(uri) if known(uri) => Device::open(library, &device::c_address(uri)?),
@@ -91,12 +92,6 @@ fn open<'a>(library: &'a Library, target: &str) -> Result<Device<'a>, Failure> {
     }
 }
 
-/// Whether a target means a recording; addresses of sensors are no paths that exist.
-fn is_file_name(target: &str) -> bool {
-    let has_ending = Path::new(target).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("oni"));
-    has_ending || Path::new(target).is_file()
-}
-
 fn open_file<'a>(library: &'a Library, path: &str) -> Result<Device<'a>, Failure> {
     let uri = file_address(path)?;
     Device::open(library, &uri).map_err(|failure| match failure {
@@ -112,7 +107,8 @@ fn open_file<'a>(library: &'a Library, path: &str) -> Result<Device<'a>, Failure
 fn file_address(path: &str) -> Result<CString, Failure> {
     let whole = std::path::absolute(path).unwrap_or_else(|_empty| path.into());
     let uri = device::c_address(&whole.to_string_lossy())?;
-    let unreadable = |error: std::io::Error| Failure::NotFound(format!("{path} cannot be read: {error}; check the path"));
+    let unreadable =
+        |error: std::io::Error| Failure::NotFound(format!("{path} cannot be read: {error}; check the path"));
     let mut magic = [0; 4];
     let read = File::open(&whole).and_then(|file| file.take(4).read(&mut magic)).map_err(unreadable)?;
     if read < 4 || !magic.starts_with(b"NI") {

@@ -65,7 +65,10 @@ impl DriverError {
 }
 
 /// The drivers this program was built with, by the name of their backend.
-const DRIVERS: &[(&str, Driver)] = &[];
+const DRIVERS: &[(&str, Driver)] = &[
+    #[cfg(feature = "openni2")]
+    ("openni2", crate::openni2::run),
+];
 
 /// Runs a driver as the command line says: `DRIVER FD TARGET`. Returns the exit status.
 pub fn run(args: &[OsString]) -> u8 {

@@ -68,7 +68,13 @@ impl<'a> Device<'a> {
     }
 
     fn identify(&mut self) -> Result<(), Failure> {
-        let mut info = OniDeviceInfo { uri: [0; 256], vendor: [0; 256], name: [0; 256], usbVendorId: 0, usbProductId: 0 };
+        let mut info = OniDeviceInfo {
+            uri: [0; 256],
+            vendor: [0; 256],
+            name: [0; 256],
+            usbVendorId: 0,
+            usbProductId: 0,
+        };
         // SAFETY: the device is open, the struct is written.
         let status = unsafe { (self.library.api().oniDeviceGetInfo)(self.handle, &raw mut info) };
         self.library.check("say what the device is", status)?;

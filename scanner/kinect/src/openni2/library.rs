@@ -88,8 +88,9 @@ impl Library {
         let cookie = ptr::from_ref::<Watch>(&self.watch).cast_mut().cast::<c_void>();
         // SAFETY: the struct is copied by the library; the cookie is the boxed `Watch`, which lives until the callbacks
         // have been unregistered in `drop`.
-        let status =
-            unsafe { (self.api.oniRegisterDeviceCallbacks)(&raw mut callbacks, cookie, &raw mut self.callbacks) };
+        let status = unsafe {
+            (self.api.oniRegisterDeviceCallbacks)(&raw mut callbacks, cookie, &raw mut self.callbacks)
+        };
         self.check("register callbacks", status)
     }
 
@@ -120,7 +121,8 @@ impl Library {
             return Ok(Vec::new());
         }
         // SAFETY: the library has made a list of `count` entries.
-        let devices = unsafe { std::slice::from_raw_parts(list, count as usize) }.iter().map(Listed::of).collect();
+        let devices =
+            unsafe { std::slice::from_raw_parts(list, count as usize) }.iter().map(Listed::of).collect();
         // SAFETY: the list came from the library and is not used any more.
         unsafe { (self.api.oniReleaseDeviceList)(list) };
         Ok(devices)

@@ -89,7 +89,8 @@ impl<'a> Stream<'a> {
     fn choose_mode(&self) {
         // SAFETY: the stream lives; the description belongs to the library as long as it does.
         let info = unsafe { (self.library.api().oniStreamGetSensorInfo)(self.handle).as_ref() };
-        let Some(info) = info.filter(|i| !i.pSupportedVideoModes.is_null() && i.numSupportedVideoModes > 0) else {
+        let Some(info) = info.filter(|i| !i.pSupportedVideoModes.is_null() && i.numSupportedVideoModes > 0)
+        else {
             return;
         };
         let count = info.numSupportedVideoModes as usize;
@@ -125,7 +126,8 @@ impl<'a> Stream<'a> {
         let horizontal = half(ONI_STREAM_PROPERTY_HORIZONTAL_FOV).unwrap_or(USUAL_HALF_FOV);
         let fx = f64::from(width) / 2.0 / horizontal.tan();
         // Square pixels where the file says nothing of use.
-        let fy = half(ONI_STREAM_PROPERTY_VERTICAL_FOV).map_or(fx, |half| f64::from(height) / 2.0 / half.tan());
+        let fy =
+            half(ONI_STREAM_PROPERTY_VERTICAL_FOV).map_or(fx, |half| f64::from(height) / 2.0 / half.tan());
         let middle = |side: u32| (f64::from(side) - 1.0) / 2.0;
         Intrinsics::pinhole(width, height, fx, fy, middle(width), middle(height))
     }
@@ -178,7 +180,8 @@ impl<'a> Stream<'a> {
     fn copy(&self, bytes: &[u8], stride: usize, timestamp_nanos: u64) -> Option<Pixels> {
         let (width, height) = (self.mode.resolutionX as usize, self.mode.resolutionY as usize);
         let row_bytes = width * self.kind.bytes_per_pixel();
-        let rows: Vec<&[u8]> = (0..height).map_while(|v| bytes.get(v * stride..v * stride + row_bytes)).collect();
+        let rows: Vec<&[u8]> =
+            (0..height).map_while(|v| bytes.get(v * stride..v * stride + row_bytes)).collect();
         if rows.len() < height {
             return None;
         }
@@ -192,7 +195,9 @@ impl<'a> Stream<'a> {
             }
             Kind::Color => {
                 let mut data = Vec::with_capacity(width * height);
-                rows.iter().for_each(|row| data.extend_from_slice(row.as_chunks::<3>().0));
+                for row in rows {
+                    data.extend_from_slice(row.as_chunks::<3>().0);
+                }
                 let image = ColorImage { width, height, data };
                 let image = if self.is_mirrored { image.mirrored() } else { image };
                 Pixels::Color(Stamped { image, timestamp_nanos, lost_packets: 0 })

@@ -64,8 +64,7 @@ pub const OniDeviceState_ONI_DEVICE_STATE_NOT_READY: OniDeviceState = 2;
 pub const OniDeviceState_ONI_DEVICE_STATE_EOF: OniDeviceState = 3;
 pub type OniDeviceState = ::std::os::raw::c_uint;
 pub const OniImageRegistrationMode_ONI_IMAGE_REGISTRATION_OFF: OniImageRegistrationMode = 0;
-pub const OniImageRegistrationMode_ONI_IMAGE_REGISTRATION_DEPTH_TO_COLOR: OniImageRegistrationMode =
-    1;
+pub const OniImageRegistrationMode_ONI_IMAGE_REGISTRATION_DEPTH_TO_COLOR: OniImageRegistrationMode = 1;
 pub type OniImageRegistrationMode = ::std::os::raw::c_uint;
 pub const ONI_TIMEOUT_NONE: _bindgen_ty_4 = 0;
 pub const ONI_TIMEOUT_FOREVER: _bindgen_ty_4 = -1;
@@ -255,18 +254,13 @@ pub struct OpenNi2 {
         timeout: ::std::os::raw::c_int,
     ) -> OniStatus,
     pub oniGetVersion: unsafe extern "C" fn() -> OniVersion,
-    pub oniFormatBytesPerPixel:
-        unsafe extern "C" fn(format: OniPixelFormat) -> ::std::os::raw::c_int,
+    pub oniFormatBytesPerPixel: unsafe extern "C" fn(format: OniPixelFormat) -> ::std::os::raw::c_int,
     pub oniGetExtendedError: unsafe extern "C" fn() -> *const ::std::os::raw::c_char,
-    pub oniDeviceOpen: unsafe extern "C" fn(
-        uri: *const ::std::os::raw::c_char,
-        pDevice: *mut OniDeviceHandle,
-    ) -> OniStatus,
+    pub oniDeviceOpen:
+        unsafe extern "C" fn(uri: *const ::std::os::raw::c_char, pDevice: *mut OniDeviceHandle) -> OniStatus,
     pub oniDeviceClose: unsafe extern "C" fn(device: OniDeviceHandle) -> OniStatus,
-    pub oniDeviceGetSensorInfo: unsafe extern "C" fn(
-        device: OniDeviceHandle,
-        sensorType: OniSensorType,
-    ) -> *const OniSensorInfo,
+    pub oniDeviceGetSensorInfo:
+        unsafe extern "C" fn(device: OniDeviceHandle, sensorType: OniSensorType) -> *const OniSensorInfo,
     pub oniDeviceGetInfo:
         unsafe extern "C" fn(device: OniDeviceHandle, pInfo: *mut OniDeviceInfo) -> OniStatus,
     pub oniDeviceCreateStream: unsafe extern "C" fn(
@@ -307,8 +301,7 @@ pub struct OpenNi2 {
         pDevice: *mut OniDeviceHandle,
     ) -> OniStatus,
     pub oniStreamDestroy: unsafe extern "C" fn(stream: OniStreamHandle),
-    pub oniStreamGetSensorInfo:
-        unsafe extern "C" fn(stream: OniStreamHandle) -> *const OniSensorInfo,
+    pub oniStreamGetSensorInfo: unsafe extern "C" fn(stream: OniStreamHandle) -> *const OniSensorInfo,
     pub oniStreamStart: unsafe extern "C" fn(stream: OniStreamHandle) -> OniStatus,
     pub oniStreamStop: unsafe extern "C" fn(stream: OniStreamHandle),
     pub oniStreamReadFrame:
@@ -396,8 +389,7 @@ pub struct OpenNi2 {
         strFileName: *mut ::std::os::raw::c_char,
         nBufferSize: ::std::os::raw::c_int,
     ) -> OniStatus,
-    pub oniSetLogMinSeverity:
-        unsafe extern "C" fn(nMinSeverity: ::std::os::raw::c_int) -> OniStatus,
+    pub oniSetLogMinSeverity: unsafe extern "C" fn(nMinSeverity: ::std::os::raw::c_int) -> OniStatus,
     pub oniSetLogConsoleOutput: unsafe extern "C" fn(bConsoleOutput: OniBool) -> OniStatus,
     pub oniSetLogFileOutput: unsafe extern "C" fn(bFileOutput: OniBool) -> OniStatus,
 }
@@ -419,12 +411,9 @@ impl OpenNi2 {
         let oniShutdown = __library.get(b"oniShutdown\0").map(|sym| *sym)?;
         let oniGetDeviceList = __library.get(b"oniGetDeviceList\0").map(|sym| *sym)?;
         let oniReleaseDeviceList = __library.get(b"oniReleaseDeviceList\0").map(|sym| *sym)?;
-        let oniRegisterDeviceCallbacks = __library
-            .get(b"oniRegisterDeviceCallbacks\0")
-            .map(|sym| *sym)?;
-        let oniUnregisterDeviceCallbacks = __library
-            .get(b"oniUnregisterDeviceCallbacks\0")
-            .map(|sym| *sym)?;
+        let oniRegisterDeviceCallbacks = __library.get(b"oniRegisterDeviceCallbacks\0").map(|sym| *sym)?;
+        let oniUnregisterDeviceCallbacks =
+            __library.get(b"oniUnregisterDeviceCallbacks\0").map(|sym| *sym)?;
         let oniWaitForAnyStream = __library.get(b"oniWaitForAnyStream\0").map(|sym| *sym)?;
         let oniGetVersion = __library.get(b"oniGetVersion\0").map(|sym| *sym)?;
         let oniFormatBytesPerPixel = __library.get(b"oniFormatBytesPerPixel\0").map(|sym| *sym)?;
@@ -434,69 +423,51 @@ impl OpenNi2 {
         let oniDeviceGetSensorInfo = __library.get(b"oniDeviceGetSensorInfo\0").map(|sym| *sym)?;
         let oniDeviceGetInfo = __library.get(b"oniDeviceGetInfo\0").map(|sym| *sym)?;
         let oniDeviceCreateStream = __library.get(b"oniDeviceCreateStream\0").map(|sym| *sym)?;
-        let oniDeviceEnableDepthColorSync = __library
-            .get(b"oniDeviceEnableDepthColorSync\0")
-            .map(|sym| *sym)?;
-        let oniDeviceDisableDepthColorSync = __library
-            .get(b"oniDeviceDisableDepthColorSync\0")
-            .map(|sym| *sym)?;
-        let oniDeviceGetDepthColorSyncEnabled = __library
-            .get(b"oniDeviceGetDepthColorSyncEnabled\0")
-            .map(|sym| *sym)?;
+        let oniDeviceEnableDepthColorSync =
+            __library.get(b"oniDeviceEnableDepthColorSync\0").map(|sym| *sym)?;
+        let oniDeviceDisableDepthColorSync =
+            __library.get(b"oniDeviceDisableDepthColorSync\0").map(|sym| *sym)?;
+        let oniDeviceGetDepthColorSyncEnabled =
+            __library.get(b"oniDeviceGetDepthColorSyncEnabled\0").map(|sym| *sym)?;
         let oniDeviceSetProperty = __library.get(b"oniDeviceSetProperty\0").map(|sym| *sym)?;
         let oniDeviceGetProperty = __library.get(b"oniDeviceGetProperty\0").map(|sym| *sym)?;
-        let oniDeviceIsPropertySupported = __library
-            .get(b"oniDeviceIsPropertySupported\0")
-            .map(|sym| *sym)?;
+        let oniDeviceIsPropertySupported =
+            __library.get(b"oniDeviceIsPropertySupported\0").map(|sym| *sym)?;
         let oniDeviceInvoke = __library.get(b"oniDeviceInvoke\0").map(|sym| *sym)?;
-        let oniDeviceIsCommandSupported = __library
-            .get(b"oniDeviceIsCommandSupported\0")
-            .map(|sym| *sym)?;
-        let oniDeviceIsImageRegistrationModeSupported = __library
-            .get(b"oniDeviceIsImageRegistrationModeSupported\0")
-            .map(|sym| *sym)?;
+        let oniDeviceIsCommandSupported = __library.get(b"oniDeviceIsCommandSupported\0").map(|sym| *sym)?;
+        let oniDeviceIsImageRegistrationModeSupported =
+            __library.get(b"oniDeviceIsImageRegistrationModeSupported\0").map(|sym| *sym)?;
         let oniDeviceOpenEx = __library.get(b"oniDeviceOpenEx\0").map(|sym| *sym)?;
         let oniStreamDestroy = __library.get(b"oniStreamDestroy\0").map(|sym| *sym)?;
         let oniStreamGetSensorInfo = __library.get(b"oniStreamGetSensorInfo\0").map(|sym| *sym)?;
         let oniStreamStart = __library.get(b"oniStreamStart\0").map(|sym| *sym)?;
         let oniStreamStop = __library.get(b"oniStreamStop\0").map(|sym| *sym)?;
         let oniStreamReadFrame = __library.get(b"oniStreamReadFrame\0").map(|sym| *sym)?;
-        let oniStreamRegisterNewFrameCallback = __library
-            .get(b"oniStreamRegisterNewFrameCallback\0")
-            .map(|sym| *sym)?;
-        let oniStreamUnregisterNewFrameCallback = __library
-            .get(b"oniStreamUnregisterNewFrameCallback\0")
-            .map(|sym| *sym)?;
+        let oniStreamRegisterNewFrameCallback =
+            __library.get(b"oniStreamRegisterNewFrameCallback\0").map(|sym| *sym)?;
+        let oniStreamUnregisterNewFrameCallback =
+            __library.get(b"oniStreamUnregisterNewFrameCallback\0").map(|sym| *sym)?;
         let oniStreamSetProperty = __library.get(b"oniStreamSetProperty\0").map(|sym| *sym)?;
         let oniStreamGetProperty = __library.get(b"oniStreamGetProperty\0").map(|sym| *sym)?;
-        let oniStreamIsPropertySupported = __library
-            .get(b"oniStreamIsPropertySupported\0")
-            .map(|sym| *sym)?;
+        let oniStreamIsPropertySupported =
+            __library.get(b"oniStreamIsPropertySupported\0").map(|sym| *sym)?;
         let oniStreamInvoke = __library.get(b"oniStreamInvoke\0").map(|sym| *sym)?;
-        let oniStreamIsCommandSupported = __library
-            .get(b"oniStreamIsCommandSupported\0")
-            .map(|sym| *sym)?;
-        let oniStreamSetFrameBuffersAllocator = __library
-            .get(b"oniStreamSetFrameBuffersAllocator\0")
-            .map(|sym| *sym)?;
+        let oniStreamIsCommandSupported = __library.get(b"oniStreamIsCommandSupported\0").map(|sym| *sym)?;
+        let oniStreamSetFrameBuffersAllocator =
+            __library.get(b"oniStreamSetFrameBuffersAllocator\0").map(|sym| *sym)?;
         let oniFrameAddRef = __library.get(b"oniFrameAddRef\0").map(|sym| *sym)?;
         let oniFrameRelease = __library.get(b"oniFrameRelease\0").map(|sym| *sym)?;
         let oniCreateRecorder = __library.get(b"oniCreateRecorder\0").map(|sym| *sym)?;
-        let oniRecorderAttachStream = __library
-            .get(b"oniRecorderAttachStream\0")
-            .map(|sym| *sym)?;
+        let oniRecorderAttachStream = __library.get(b"oniRecorderAttachStream\0").map(|sym| *sym)?;
         let oniRecorderStart = __library.get(b"oniRecorderStart\0").map(|sym| *sym)?;
         let oniRecorderStop = __library.get(b"oniRecorderStop\0").map(|sym| *sym)?;
         let oniRecorderDestroy = __library.get(b"oniRecorderDestroy\0").map(|sym| *sym)?;
-        let oniCoordinateConverterDepthToWorld = __library
-            .get(b"oniCoordinateConverterDepthToWorld\0")
-            .map(|sym| *sym)?;
-        let oniCoordinateConverterWorldToDepth = __library
-            .get(b"oniCoordinateConverterWorldToDepth\0")
-            .map(|sym| *sym)?;
-        let oniCoordinateConverterDepthToColor = __library
-            .get(b"oniCoordinateConverterDepthToColor\0")
-            .map(|sym| *sym)?;
+        let oniCoordinateConverterDepthToWorld =
+            __library.get(b"oniCoordinateConverterDepthToWorld\0").map(|sym| *sym)?;
+        let oniCoordinateConverterWorldToDepth =
+            __library.get(b"oniCoordinateConverterWorldToDepth\0").map(|sym| *sym)?;
+        let oniCoordinateConverterDepthToColor =
+            __library.get(b"oniCoordinateConverterDepthToColor\0").map(|sym| *sym)?;
         let oniSetLogOutputFolder = __library.get(b"oniSetLogOutputFolder\0").map(|sym| *sym)?;
         let oniGetLogFileName = __library.get(b"oniGetLogFileName\0").map(|sym| *sym)?;
         let oniSetLogMinSeverity = __library.get(b"oniSetLogMinSeverity\0").map(|sym| *sym)?;
@@ -621,11 +592,7 @@ impl OpenNi2 {
     ) -> *const OniSensorInfo {
         (self.oniDeviceGetSensorInfo)(device, sensorType)
     }
-    pub unsafe fn oniDeviceGetInfo(
-        &self,
-        device: OniDeviceHandle,
-        pInfo: *mut OniDeviceInfo,
-    ) -> OniStatus {
+    pub unsafe fn oniDeviceGetInfo(&self, device: OniDeviceHandle, pInfo: *mut OniDeviceInfo) -> OniStatus {
         (self.oniDeviceGetInfo)(device, pInfo)
     }
     pub unsafe fn oniDeviceCreateStream(
@@ -876,10 +843,7 @@ impl OpenNi2 {
             pColorY,
         )
     }
-    pub unsafe fn oniSetLogOutputFolder(
-        &self,
-        strOutputFolder: *const ::std::os::raw::c_char,
-    ) -> OniStatus {
+    pub unsafe fn oniSetLogOutputFolder(&self, strOutputFolder: *const ::std::os::raw::c_char) -> OniStatus {
         (self.oniSetLogOutputFolder)(strOutputFolder)
     }
     pub unsafe fn oniGetLogFileName(

@@ -20,3 +20,4 @@ bindgen "$work/oni.hpp" --allowlist-function 'oni.*' --allowlist-type 'Oni.*' --
   --dynamic-loading OpenNi2 --dynamic-link-require-all --no-layout-tests -o "$work/openni2.rs" \
   -- -x c++ -I/usr/include/openni2
 replace openni2.rs "$work/openni2.rs"
+cargo fmt -p kinect

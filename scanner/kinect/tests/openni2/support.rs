@@ -44,14 +44,30 @@ pub(crate) fn color(i: usize, width: u32, height: u32) -> Vec<[u8; 3]> {
 pub(crate) fn depth_stream(frames: usize, width: u32, height: u32) -> Stream {
     let bytes = |i| depth(i, width, height).iter().flat_map(|mm| mm.to_le_bytes()).collect();
     let frames = (0..frames).map(|i| (33_333 * i as u64, bytes(i))).collect();
-    Stream { kind: Kind::Depth, width, height, fps: 30, field_of_view: FIELD_OF_VIEW, is_mirrored: false, frames }
+    Stream {
+        kind: Kind::Depth,
+        width,
+        height,
+        fps: 30,
+        field_of_view: FIELD_OF_VIEW,
+        is_mirrored: false,
+        frames,
+    }
 }
 
 /// Colour, 4 ms after depth.
 pub(crate) fn color_stream(frames: usize, width: u32, height: u32) -> Stream {
     let bytes = |i| color(i, width, height).into_flattened();
     let frames = (0..frames).map(|i| (33_333 * i as u64 + 4000, bytes(i))).collect();
-    Stream { kind: Kind::Color, width, height, fps: 30, field_of_view: FIELD_OF_VIEW, is_mirrored: false, frames }
+    Stream {
+        kind: Kind::Color,
+        width,
+        height,
+        fps: 30,
+        field_of_view: FIELD_OF_VIEW,
+        is_mirrored: false,
+        frames,
+    }
 }
 
 pub(crate) fn write(path: &Path, streams: &[Stream]) {

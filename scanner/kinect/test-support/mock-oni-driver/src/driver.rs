@@ -11,7 +11,8 @@ use crate::c_types::{
     BAD_PARAMETER, DEVICE_REGISTRATION, DEVICE_STATE_ERROR, DeviceCallback, DeviceInfo, ERROR, FrameCallback,
     NOT_IMPLEMENTED, NOT_SUPPORTED, OK, SENSOR_COLOR, SENSOR_DEPTH, STREAM_AUTO_EXPOSURE,
     STREAM_AUTO_WHITE_BALANCE, STREAM_CROPPING, STREAM_HORIZONTAL_FOV, STREAM_MAX_VALUE, STREAM_MIRRORING,
-    STREAM_STRIDE, STREAM_VERTICAL_FOV, STREAM_VIDEO_MODE, SensorInfo, StateCallback, StreamServices, VideoMode,
+    STREAM_STRIDE, STREAM_VERTICAL_FOV, STREAM_VIDEO_MODE, SensorInfo, StateCallback, StreamServices,
+    VideoMode,
 };
 use crate::stream::{COLOR_MODE, DEPTH_MODE, Stream};
 
@@ -80,7 +81,8 @@ pub extern "C" fn oniDriverInitialize(
     copy_text(&mut info.name, "Kinect for tests");
     // Lives as long as the process: the core keeps the pointer.
     let info: &DeviceInfo = Box::leak(info);
-    let core = Core { disconnected, state_changed, cookie: cookie as usize, info: ptr::from_ref(info) as usize };
+    let core =
+        Core { disconnected, state_changed, cookie: cookie as usize, info: ptr::from_ref(info) as usize };
     let Ok(mut place) = CORE.lock() else { return ERROR };
     *place = Some(core);
     drop(place);
@@ -220,7 +222,10 @@ pub extern "C" fn oniDriverDeviceTryManualTrigger(_device: *mut c_void) -> c_int
 }
 
 #[unsafe(no_mangle)]
-pub extern "C" fn oniDriverDeviceIsImageRegistrationModeSupported(_device: *mut c_void, mode: c_int) -> c_int {
+pub extern "C" fn oniDriverDeviceIsImageRegistrationModeSupported(
+    _device: *mut c_void,
+    mode: c_int,
+) -> c_int {
     (mode == 0 || mode == 1).into()
 }
 
@@ -277,7 +282,9 @@ pub unsafe extern "C" fn oniDriverStreamGetProperty(
             STREAM_STRIDE => put(stream.row_bytes(), data, size),
             STREAM_MIRRORING => put(stream.shared.is_mirrored.load(Ordering::SeqCst), data, size),
             STREAM_AUTO_EXPOSURE => put(stream.shared.auto_exposure.load(Ordering::SeqCst), data, size),
-            STREAM_AUTO_WHITE_BALANCE => put(stream.shared.auto_white_balance.load(Ordering::SeqCst), data, size),
+            STREAM_AUTO_WHITE_BALANCE => {
+                put(stream.shared.auto_white_balance.load(Ordering::SeqCst), data, size)
+            }
             STREAM_CROPPING => put([0, 0, 0, 640, 480], data, size),
             _ => NOT_SUPPORTED,
         }

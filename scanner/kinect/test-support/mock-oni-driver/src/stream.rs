@@ -102,8 +102,7 @@ impl Shared {
         let period: u64 =
             std::env::var("MOCK_KINECT_PERIOD_MICROS").ok().and_then(|v| v.parse().ok()).unwrap_or(33_333);
         let silent = std::env::var_os("MOCK_KINECT_NO_FRAMES").is_some();
-        let pictures =
-            std::env::var_os("MOCK_KINECT_PICTURES").and_then(|path| std::fs::read(path).ok());
+        let pictures = std::env::var_os("MOCK_KINECT_PICTURES").and_then(|path| std::fs::read(path).ok());
         let started = Instant::now();
         for index in 0.. {
             let due = started + Duration::from_micros(period * u64::from(index));
@@ -154,7 +153,7 @@ impl Shared {
 
     /// The bytes of a frame in the state the sensor is in.
     fn pixels(&self, index: u32, pictures: Option<&[u8]>) -> Vec<u8> {
-        if let Some(bytes) = pictures.and_then(|pictures| self.from_file(index, pictures)) {
+        if let Some(bytes) = pictures.and_then(|pictures| self.played(index, pictures)) {
             return bytes;
         }
         let mirrored = self.is_mirrored.load(Ordering::SeqCst) != 0;
@@ -178,7 +177,7 @@ impl Shared {
         }
     }
 
-    fn from_file(&self, index: u32, pictures: &[u8]) -> Option<Vec<u8>> {
+    fn played(&self, index: u32, pictures: &[u8]) -> Option<Vec<u8>> {
         const DEPTH: usize = WIDTH * HEIGHT * 2;
         const BOTH: usize = WIDTH * HEIGHT * 5;
         let pair = pictures.chunks_exact(BOTH).nth(index as usize % (pictures.len() / BOTH).max(1))?;

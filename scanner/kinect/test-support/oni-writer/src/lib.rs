@@ -62,7 +62,7 @@ impl Kind {
 
 /// Writes a file of these streams, their frames interleaved by time.
 pub fn write(file: &mut (impl Write + Seek), streams: &[Stream]) -> io::Result<()> {
-    let last_micros = streams.iter().flat_map(|s| s.frames.last()).map(|f| f.0).max().unwrap_or(0);
+    let last_micros = streams.iter().filter_map(|s| s.frames.last()).map(|f| f.0).max().unwrap_or(0);
     write_file_header(file, last_micros, streams.len() as u32)?;
     let mut added = Vec::new();
     for (node, stream) in nodes(streams) {
@@ -142,8 +142,7 @@ fn write_properties(file: &mut impl Write, node: u32, stream: &Stream) -> io::Re
     general("xnFOV", &stream.field_of_view.map(f64::to_le_bytes).concat())?;
     // Switched off, but without it the player delivers no frame at all.
     let (width, height) = (stream.width as u16, stream.height as u16);
-    let cropping: Vec<u8> =
-        [0, 0, 0, 0, width, height].iter().flat_map(|v| v.to_le_bytes()).collect();
+    let cropping: Vec<u8> = [0, 0, 0, 0, width, height].iter().flat_map(|v| v.to_le_bytes()).collect();
     general("xnCropping", &cropping)
 }
 
