@@ -10,13 +10,17 @@
 //! | times | nanoseconds on one clock for colour and depth |
 //! | gravity | colour camera's frame (x right, y down, z forward), metres per square second |
 
+pub mod advice;
 pub mod child;
 pub mod clock;
+#[cfg(feature = "freenect")]
+pub mod freenect;
 #[cfg(feature = "openni2")]
 pub mod openni2;
 pub mod pair;
 pub mod source;
 mod sys;
+pub mod usb;
 pub mod wire;
 pub mod worker;
 

@@ -66,6 +66,8 @@ impl DriverError {
 
 /// The drivers this program was built with, by the name of their backend.
 const DRIVERS: &[(&str, Driver)] = &[
+    #[cfg(feature = "freenect")]
+    ("freenect", crate::freenect::run),
     #[cfg(feature = "openni2")]
     ("openni2", crate::openni2::run),
 ];

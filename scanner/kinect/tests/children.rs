@@ -1,5 +1,7 @@
 //! Drivers that do what C libraries do: each end of theirs is an event, never the program's.
 
+#![allow(clippy::unwrap_used)]
+
 use std::time::{Duration, Instant};
 
 use kinect::child::{ChildSource, Launch, Overflow, Patience};
