@@ -36,6 +36,18 @@ const FOCAL: f64 = 525.0;
 /// # Errors
 /// Why it cannot be had, or what went wrong.
 pub fn run(request: &Request, link: &mut Link) -> Result<(), DriverError> {
+    let context = context()?;
+    let Opened { sensor, info } = open::open(&context, &request.target)?;
+    let mapping = Mapping::new(&sensor.constants().unwrap_or_default());
+    link.opened(info.clone())?;
+    stream::Streams::new(Rc::clone(&context), sensor, mapping, info).run(link)
+}
+
+/// The library, started; with the replay library only once the dump is known to be whole.
+///
+/// # Errors
+/// Where the library is missing, refuses, or has no dump to play.
+pub fn context() -> Result<Rc<Context>, DriverError> {
     let library = Library::open().map_err(|why| {
         DriverError::Failed(Failure::LibraryMissing(format!("{} ({why})", advice::INSTALL_FREENECT)))
     })?;
@@ -43,11 +55,7 @@ pub fn run(request: &Request, link: &mut Link) -> Result<(), DriverError> {
         // Before anything is called: the replay library ends the process where something is missing.
         dump::check()?;
     }
-    let context = Context::new(library)?;
-    let Opened { sensor, info } = open::open(&context, &request.target)?;
-    let mapping = Mapping::new(&sensor.constants().unwrap_or_default());
-    link.opened(info.clone())?;
-    stream::Streams::new(Rc::clone(&context), sensor, mapping, info).run(link)
+    Ok(Context::new(library)?)
 }
 
 impl From<Unavailable> for DriverError {

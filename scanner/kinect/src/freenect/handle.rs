@@ -54,7 +54,7 @@ impl Context {
     ///
     /// # Errors
     /// Where it refuses, which it does without USB.
-    pub fn new(library: Library) -> Result<Rc<Self>, Unavailable> {
+    pub(crate) fn new(library: Library) -> Result<Rc<Self>, Unavailable> {
         let mut handle = ptr::null_mut();
         let started = call!(library, freenect_init(&raw mut handle, ptr::null_mut()))?;
         let handle = NonNull::new(handle).filter(|_| started >= 0).ok_or(Unavailable("a start"))?;
@@ -117,12 +117,12 @@ impl Context {
         let mut handle = ptr::null_mut();
         let opened = match which {
             Which::Number(number) => {
-                let number = c_int::try_from(*number).map_err(|_| Unavailable("so many sensors"))?;
+                let number = c_int::try_from(*number).map_err(|_large| Unavailable("so many sensors"))?;
                 call!(self.library, freenect_open_device(self.raw(), &raw mut handle, number))?
             }
             Which::Serial(serial) => {
                 let serial =
-                    CString::new(serial.as_str()).map_err(|_| Unavailable("such a serial number"))?;
+                    CString::new(serial.as_str()).map_err(|_zero| Unavailable("such a serial number"))?;
                 call!(
                     self.library,
                     freenect_open_device_by_camera_serial(self.raw(), &raw mut handle, serial.as_ptr())

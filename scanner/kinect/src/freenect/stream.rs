@@ -87,13 +87,13 @@ impl Streams {
     fn turn(&mut self, link: &mut Link) -> Result<Turn, DriverError> {
         let more = self.context.process(TURN);
         for image in inbox::take_images() {
-            self.pass_on(image, link)?;
+            self.pass_on(&image, link)?;
         }
         link.alive()?;
         Ok(if more { Turn::More } else { Turn::Over })
     }
 
-    fn pass_on(&mut self, image: Arrived, link: &mut Link) -> Result<(), DriverError> {
+    fn pass_on(&mut self, image: &Arrived, link: &mut Link) -> Result<(), DriverError> {
         let timestamp_nanos = self.clock.nanos(image.ticks);
         let lost_packets = image.lost_packets;
         let message = match image.stream {

@@ -5,7 +5,6 @@
 pub(crate) mod bindings;
 
 use std::ffi::OsString;
-use std::path::PathBuf;
 
 use bindings::Freenect;
 
@@ -59,13 +58,6 @@ pub(crate) fn names() -> Vec<OsString> {
         Some(path) => vec![path],
         None => NAMES.iter().map(OsString::from).collect(),
     }
-}
-
-/// Where the library that is open in this process lies.
-pub(crate) fn loaded_from() -> Option<PathBuf> {
-    let maps = std::fs::read_to_string("/proc/self/maps").ok()?;
-    let mut paths = maps.lines().filter_map(|line| line.split_once('/').map(|(_, path)| format!("/{path}")));
-    paths.find(|path| path.contains("libfreenect.so") || path.contains("libfakenect.so")).map(PathBuf::from)
 }
 
 #[cfg(test)]
