@@ -31,7 +31,7 @@ pub struct Cli {
     pub verbose: bool,
     /// What to do
     #[command(subcommand)]
-    pub command: Command,
+    pub command: Option<Command>,
 }
 
 /// Heading of the options that every command has.
@@ -42,6 +42,7 @@ A recording is a folder of colour and depth pictures of a product that stands in
 printed marker board, taken from several sides (views), with recording.json and board.json beside.
 
 Start here:
+  scan-product                                       be led through it, with a Kinect or without
   scan-product board --paper a3 --out board          print the marker board
   scan-product simulate --product mug --out rec      a recording without a Kinect
   scan-product build rec --out out                   the 3D model
@@ -53,6 +54,12 @@ Exit status: 0 done; 1 the recording gives no good scan (report.json says why);
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Be led from the sensor to the listing, on a page in the browser (without a command, too)
+    Capture(commands::capture::Args),
+    /// Go on with a recording that was not finished
+    Resume(commands::resume::Args),
+    /// Build an old recording anew, keeping the older result aside
+    Rebuild(commands::rebuild::Args),
     /// Build the 3D model of a recording
     Build(commands::build::Args),
     /// Write a marker board to print
@@ -79,7 +86,11 @@ pub enum Command {
 /// Runs the command; the number is the exit status.
 pub fn run(cli: &Cli) -> anyhow::Result<u8> {
     let ui = Ui::new(cli.json, cli.quiet, cli.verbose);
-    match &cli.command {
+    let usual = Command::Capture(commands::capture::Args::usual());
+    match cli.command.as_ref().unwrap_or(&usual) {
+        Command::Capture(args) => commands::capture::run(args, &ui),
+        Command::Resume(args) => commands::resume::run(args, &ui),
+        Command::Rebuild(args) => commands::rebuild::run(args, &ui),
         Command::Build(args) => commands::build::run(args, &ui),
         Command::Board(args) => commands::board::run(args, &ui),
         Command::Import(args) => commands::import::run(args, &ui),

@@ -2,8 +2,11 @@
 
 pub mod board;
 pub mod build;
+pub mod capture;
 pub mod completions;
 pub mod demo;
 pub mod import;
+pub mod rebuild;
+pub mod resume;
 pub mod simulate;
 pub mod upload;

@@ -1,6 +1,7 @@
 //! `scan-product`: recordings in, 3D listings out. `pipeline` is the page to read first.
 
 pub mod board_sheet;
+pub mod capture;
 pub mod cli;
 pub mod commands;
 pub mod config;

@@ -3,6 +3,7 @@
 use std::process::ExitCode;
 
 use clap::Parser;
+use scanner::capture;
 use scanner::cli::{self, Cli, Command, DONE, INTERRUPTED, UNUSABLE};
 use scanner::commands;
 use scanner::output;
@@ -10,11 +11,15 @@ use scanner::ui::Ui;
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    if let Command::Driver { args } = &cli.command {
+    if let Some(Command::Driver { args }) = &cli.command {
         // It handles signals itself: the sensor's projector must not stay on.
         return ExitCode::from(kinect::worker::run(args));
     }
     let interrupt = || {
+        // A capture ends in order, unless it is asked a second time.
+        if capture::ask_to_stop() {
+            return;
+        }
         output::remove_unfinished();
         // A demo that is served ends as it should; anything else was cut short.
         let served = commands::demo::stop_server();

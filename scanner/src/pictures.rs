@@ -137,6 +137,19 @@ pub fn encode_depth(image: &DepthImage) -> Result<Vec<u8>, png::EncodingError> {
     encode(image.width, image.height, ColorType::Grayscale, BitDepth::Sixteen, &bytes)
 }
 
+/// A colour picture as a camera delivers it, 30 a second: PNG, compressed as fast as it goes.
+pub fn record_color(image: &ColorImage) -> Result<Vec<u8>, png::EncodingError> {
+    let bytes = image.data.as_flattened();
+    encode_with(image.width, image.height, ColorType::Rgb, BitDepth::Eight, bytes, png::Compression::Fastest)
+}
+
+/// A depth picture as a sensor delivers it, 30 a second: 16-bit grey PNG, compressed as fast as it goes.
+pub fn record_depth(image: &DepthImage) -> Result<Vec<u8>, png::EncodingError> {
+    let bytes: Vec<u8> = image.data.iter().flat_map(|v| v.to_be_bytes()).collect();
+    let (width, height, compression) = (image.width, image.height, png::Compression::Fastest);
+    encode_with(width, height, ColorType::Grayscale, BitDepth::Sixteen, &bytes, compression)
+}
+
 /// A picture for the web as PNG of at most `most_bytes` where 16 colours can do that: fewer colours until it fits.
 pub fn encode_small(image: &ColorImage, most_bytes: usize) -> Result<Vec<u8>, png::EncodingError> {
     let mut bytes = Vec::new();
@@ -171,11 +184,22 @@ fn encode(
     depth: BitDepth,
     bytes: &[u8],
 ) -> Result<Vec<u8>, png::EncodingError> {
-    let mut out = Vec::new();
+    encode_with(width, height, kind, depth, bytes, png::Compression::Fast)
+}
+
+fn encode_with(
+    width: usize,
+    height: usize,
+    kind: ColorType,
+    depth: BitDepth,
+    bytes: &[u8],
+    compression: png::Compression,
+) -> Result<Vec<u8>, png::EncodingError> {
+    let mut out = Vec::with_capacity(bytes.len());
     let mut encoder = png::Encoder::new(&mut out, width as u32, height as u32);
     encoder.set_color(kind);
     encoder.set_depth(depth);
-    encoder.set_compression(png::Compression::Fast);
+    encoder.set_compression(compression);
     let mut writer = encoder.write_header()?;
     writer.write_image_data(bytes)?;
     writer.finish()?;

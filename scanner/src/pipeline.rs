@@ -37,28 +37,28 @@ pub struct Scan {
 /// Builds the model of a recording.
 ///
 /// # Errors
-/// Where the recording cannot be read. A recording that can be read but gives no good scan comes back with an empty cloud
+/// Where the recording cannot be read, or where the work is no longer wanted. A recording that can be read but gives no good scan comes back with an empty cloud
 /// and a report that says why.
 pub fn build(source: &dyn ViewSource, config: &Config, ui: &Ui) -> Result<Scan, RecordingError> {
     let mut stages = Stages::new(ui);
     let mut scan =
         stages.try_run("load", source.view_count(), |stage| load::load_and_average(source, config, stage))?;
-    stages.run("markers", |_| markers::place_on_board(&mut scan, source.board(), config));
+    stages.run("markers", |_| markers::place_on_board(&mut scan, source.board(), config))?;
     if scan.has_board() {
         if config.method == Method::Joint {
-            stages.run("calibrate", |_| depth::calibrate(&mut scan));
+            stages.run("calibrate", |_| depth::calibrate(&mut scan))?;
         }
-        stages.run("cut", |_| cut::cut_background(&mut scan, config));
+        stages.run("cut", |_| cut::cut_background(&mut scan, config))?;
     } else {
-        stages.run("place", |_| free::place_by_surfaces(&mut scan, config));
+        stages.run("place", |_| free::place_by_surfaces(&mut scan, config))?;
     }
     let (cloud, source_report) = match config.method {
         Method::Joint => {
-            stages.run("align", |_| align::refine_together(&mut scan, config));
-            (stages.run("fuse", |_| fuse::fuse(&scan.placed_views(), &config.fuse)), None)
+            stages.run("align", |_| align::refine_together(&mut scan, config))?;
+            (stages.run("fuse", |_| fuse::fuse(&scan.placed_views(), &config.fuse))?, None)
         }
         Method::Source => {
-            stages.run("source chain", |_| source_chain::register_as_the_source(&mut scan, config.seed))
+            stages.run("source chain", |_| source_chain::register_as_the_source(&mut scan, config.seed))?
         }
     };
     let (cloud, mut report) = outcome::judge(&scan, cloud, stages.timings());

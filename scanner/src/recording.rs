@@ -17,8 +17,8 @@ use reconstruct::pose;
 use reconstruct::recording::{RecordingFile, Rig, ViewEntry, ViewImages};
 
 pub use board::parse as parse_board;
-pub use description::parse as parse_description;
 pub(crate) use description::{check_camera, check_units};
+pub use description::{parse as parse_description, parse_unfinished};
 pub use error::RecordingError;
 pub use writer::{OWNED_NAMES, RecordingWriter, check_place};
 
@@ -173,7 +173,7 @@ fn inside(folder: &Path, name: &str) -> Result<PathBuf, RecordingError> {
 }
 
 /// Reads a file inside the folder, up to a size.
-fn read_limited(folder: &Path, name: &str, most: u64) -> Result<Vec<u8>, RecordingError> {
+pub(crate) fn read_limited(folder: &Path, name: &str, most: u64) -> Result<Vec<u8>, RecordingError> {
     let path = inside(folder, name)?;
     let unreadable = |source| RecordingError::Unreadable { path: name.to_owned(), source };
     let metadata = fs::metadata(&path).map_err(unreadable)?;

@@ -128,6 +128,16 @@ impl Simulator {
         self.stations.len()
     }
 
+    /// The cameras.
+    pub fn rig(&self) -> Rig {
+        self.rig
+    }
+
+    /// Pose of the colour camera in every view.
+    pub fn stations(&self) -> &[Pose] {
+        &self.stations
+    }
+
     /// Images of one view.
     pub fn view(&self, index: usize) -> ViewImages {
         self.look(index, |color, depth| ViewImages {

@@ -4,13 +4,26 @@
 //! error: bars with stage and remaining time on a terminal, plain lines otherwise, JSON lines with `--json`.
 
 use std::io::{IsTerminal, Write};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 
+/// Follows work that somebody else shows: the stages as they begin, their steps, and whether to go on.
+pub trait Listener: Send + Sync + std::fmt::Debug {
+    /// A stage of `total` steps begins.
+    fn stage(&self, name: &str, total: usize);
+
+    /// Steps of the present stage were done.
+    fn advanced(&self, steps: u64);
+
+    /// Whether the work is still wanted.
+    fn is_wanted(&self) -> bool;
+}
+
 /// How to speak.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Ui {
     json: bool,
     quiet: bool,
@@ -18,6 +31,7 @@ pub struct Ui {
     terminal: bool,
     color: bool,
     results: bool,
+    listener: Option<Arc<dyn Listener>>,
 }
 
 /// One stage of work in progress; may be shared between threads.
@@ -34,17 +48,35 @@ impl Ui {
     pub fn new(json: bool, quiet: bool, verbose: bool) -> Self {
         let terminal = std::io::stderr().is_terminal();
         let color = terminal && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty());
-        Self { json, quiet, verbose, terminal, color, results: true }
+        Self { json, quiet, verbose, terminal, color, results: true, listener: None }
     }
 
     /// A voice that says nothing, for tests and for use as a library.
     pub fn silent() -> Self {
-        Self { json: false, quiet: true, verbose: false, terminal: false, color: false, results: false }
+        Self {
+            json: false,
+            quiet: true,
+            verbose: false,
+            terminal: false,
+            color: false,
+            results: false,
+            listener: None,
+        }
+    }
+
+    /// A voice that says nothing but lets `listener` follow the stages.
+    pub fn followed_by(listener: Arc<dyn Listener>) -> Self {
+        Self { listener: Some(listener), ..Self::silent() }
+    }
+
+    /// Whether the work is still wanted; asked between stages.
+    pub fn is_wanted(&self) -> bool {
+        self.listener.as_ref().is_none_or(|listener| listener.is_wanted())
     }
 
     /// The same voice for a part of a larger work: no result of its own on standard output.
     pub fn quieter(&self) -> Self {
-        Self { results: false, ..*self }
+        Self { results: false, ..self.clone() }
     }
 
     /// Whether results are to be JSON.
@@ -105,7 +137,10 @@ impl Ui {
         if self.json && !self.quiet {
             print_event(&json!({"event": "stage", "name": name, "steps": total}));
         }
-        Stage { name: name.to_string(), bar, started: Instant::now(), ui: *self }
+        if let Some(listener) = &self.listener {
+            listener.stage(name, total);
+        }
+        Stage { name: name.to_string(), bar, started: Instant::now(), ui: self.clone() }
     }
 
     fn say(&self, kind: &str, text: &str, painted: &str) {
@@ -132,6 +167,9 @@ impl Stage {
     pub fn advance(&self, steps: u64) {
         if let Some(bar) = &self.bar {
             bar.inc(steps);
+        }
+        if let Some(listener) = &self.ui.listener {
+            listener.advanced(steps);
         }
     }
 

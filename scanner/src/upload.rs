@@ -138,6 +138,12 @@ pub fn publish(
     })
 }
 
+/// Names and sizes of the files that [`publish`] sends, and of nothing else.
+pub fn files_to_send(folder: &Path) -> Result<Vec<(String, u64)>, UploadError> {
+    let name = |file: &Outgoing| file.path.file_name().map(|n| n.to_string_lossy().into_owned());
+    Ok(collect(folder)?.iter().filter_map(|file| Some((name(file)?, file.bytes))).collect())
+}
+
 /// Report and picture come before the model, so that the listing is whole once the model is there.
 fn collect(folder: &Path) -> Result<Vec<Outgoing>, UploadError> {
     let first = |names: &[&str]| names.iter().map(|name| folder.join(name)).find(|path| path.is_file());

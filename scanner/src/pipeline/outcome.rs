@@ -18,8 +18,7 @@ pub fn judge(scan: &Work, cloud: PointCloud, timings_ms: Map<String, Value>) -> 
     let mut warnings = scan.warnings.clone();
     let failure = scan.failure.clone().or_else(|| no_agreement(scan)).or_else(|| too_little(&cloud));
     let cloud = if failure.is_some() { PointCloud::default() } else { cloud };
-    let scale_sd =
-        (scan.calibration.standard_deviations[0].min(0.01).powi(2) + PRINT_SCALE_SD.powi(2)).sqrt();
+    let scale_sd = scale_sd(scan.calibration.standard_deviations[0]);
     let size = dimensions(&cloud, scale_sd, scan.up_is_known);
     let left_out = scan.views.iter().filter(|v| !v.is_used()).count();
     if failure.is_none() {
@@ -47,6 +46,22 @@ pub fn judge(scan: &Work, cloud: PointCloud, timings_ms: Map<String, Value>) -> 
         source_chain: None,
     };
     (cloud, report)
+}
+
+/// The report of a model on a board of which only the points of `cloud` are left.
+pub fn measured_again(report: &Report, cloud: &PointCloud) -> Report {
+    let size = dimensions(cloud, scale_sd(report.depth_calibration.scale_sd), true);
+    Report {
+        points: cloud.len(),
+        dimensions_m: size.map(|s| s.metres.map(|v| round(v, 1e5))),
+        dimensions_uncertainty_m: size.map(|s| s.uncertainty_metres.map(|v| round(v, 1e5))),
+        ..report.clone()
+    }
+}
+
+/// Relative standard deviation of the model's scale, from that of the depth calibration.
+fn scale_sd(calibration_sd: f64) -> f64 {
+    (calibration_sd.min(0.01).powi(2) + PRINT_SCALE_SD.powi(2)).sqrt()
 }
 
 /// Where most views contradict each other, none of them can be believed.

@@ -2,6 +2,7 @@
 
 use serde_json::{Map, Value, json};
 
+use crate::recording::RecordingError;
 use crate::ui::{Stage, Ui};
 
 /// The stages so far.
@@ -17,21 +18,21 @@ impl<'a> Stages<'a> {
         Self { ui, timings_ms: Map::new() }
     }
 
-    /// Runs one stage that cannot fail.
-    pub fn run<T>(&mut self, name: &str, work: impl FnOnce(&Stage) -> T) -> T {
-        let stage = self.ui.stage(name, 1);
-        let result = work(&stage);
-        self.keep(name, stage);
-        result
+    /// Runs one stage that cannot fail; none begins once the work is no longer wanted.
+    pub fn run<T>(&mut self, name: &str, work: impl FnOnce(&Stage) -> T) -> Result<T, RecordingError> {
+        self.try_run(name, 1, |stage| Ok(work(stage)))
     }
 
     /// Runs one stage of `steps` steps that may fail.
-    pub fn try_run<T, E>(
+    pub fn try_run<T>(
         &mut self,
         name: &str,
         steps: usize,
-        work: impl FnOnce(&Stage) -> Result<T, E>,
-    ) -> Result<T, E> {
+        work: impl FnOnce(&Stage) -> Result<T, RecordingError>,
+    ) -> Result<T, RecordingError> {
+        if !self.ui.is_wanted() {
+            return Err(RecordingError::Cancelled);
+        }
         let stage = self.ui.stage(name, steps);
         let result = work(&stage)?;
         self.keep(name, stage);

@@ -16,6 +16,15 @@ const UNITS: &str = "write how many depth units a metre has: 1000 for millimetre
 
 /// Parses and checks a description; says nothing about the images.
 pub fn parse(bytes: &[u8]) -> Result<RecordingFile, RecordingError> {
+    let file = parse_unfinished(bytes)?;
+    if file.views.is_empty() && file.frames.is_empty() {
+        return Err(RecordingError::NoViews);
+    }
+    Ok(file)
+}
+
+/// As [`parse`], of a recording that is still being taken: it may have no view yet.
+pub fn parse_unfinished(bytes: &[u8]) -> Result<RecordingFile, RecordingError> {
     let value: Value = serde_json::from_slice(bytes).map_err(|e| format_error(&e))?;
     check_version(FILE, &value)?;
     require_fields(&value)?;
@@ -147,10 +156,8 @@ pub(crate) fn check_units(units_per_metre: f64) -> Result<(), RecordingError> {
 }
 
 fn check_views(file: &RecordingFile) -> Result<(), RecordingError> {
-    match (file.views.is_empty(), file.frames.is_empty()) {
-        (true, true) => return Err(RecordingError::NoViews),
-        (false, false) => return Err(RecordingError::ViewsAndFrames),
-        _ => {}
+    if !file.views.is_empty() && !file.frames.is_empty() {
+        return Err(RecordingError::ViewsAndFrames);
     }
     let mut names = BTreeSet::new();
     for view in &file.views {

@@ -56,6 +56,9 @@ pub enum RecordingError {
         /// Where and what.
         what: String,
     },
+    /// Nobody waits for the result any more.
+    #[error("cancelled")]
+    Cancelled,
     /// A newer version.
     #[error("{file} is of version {version}, this program reads version 1; use a newer scan-product")]
     Version {
