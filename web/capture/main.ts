@@ -111,7 +111,7 @@ async function open(stage: "sensor" | "board" | "views" | "result"): Promise<voi
 }
 
 async function quit(): Promise<void> {
-  if (!(await confirmQuit(state?.folder ?? ""))) return;
+  if (!(await confirmQuit(state?.folder ?? null))) return;
   try {
     await daemon.quit();
   } catch (error) {

@@ -99,11 +99,11 @@ export const texts = {
       "Lay the sheet flat, or tape it onto a stiff board, and put the product in the middle.",
     ],
     papers: {
-      a4: { name: "A4", fits: "for things up to about 10 cm, like a cup" },
-      a3: { name: "A3", fits: "for things up to about 18 cm, like a shoe" },
-      a2: { name: "A2", fits: "for things up to about 30 cm, like a toaster" },
+      a4: { name: "A4", fits: "for things up to 19 × 10 cm, like a cup" },
+      a3: { name: "A3", fits: "for things up to 29 × 17 cm, like a shoe" },
+      a2: { name: "A2", fits: "for things up to 45 × 27 cm, like a toaster" },
     } as Record<Paper, { name: string; fits: string }>,
-    download: (paper: string) => `Download the ${paper} board`,
+    download: (paper: string) => `Download PDF of the ${paper} board`,
     downloadShort: "Download PDF",
     use: (paper: string) => `Use the ${paper} board`,
     simulated: "The simulated sensor has its own board: choose any size and go on, no printing needed.",
@@ -149,7 +149,7 @@ export const texts = {
   },
 
   views: {
-    lead: "Walk round the product and take a view from every side: 8 to 12 views make a good model. Neither the product nor the board may move meanwhile.",
+    lead: "Walk round the product and take 8 to 12 views. The product and the board must not move meanwhile.",
     take: "Take view",
     takeHint: "or press the space bar",
     taking: (frames: number, of: number) => `Hold still: picture ${frames} of ${of}`,
@@ -204,6 +204,7 @@ export const texts = {
       markers: "Finding the marks on the board",
       calibrate: "Checking the depth against the board",
       cut: "Cutting the product out",
+      place: "Placing the views by their surfaces",
       align: "Fitting the views together",
       fuse: "Making one surface of all views",
       outcome: "Measuring and judging",
@@ -219,6 +220,7 @@ export const texts = {
     name: "your product",
     lead: "Turn it round. If something does not belong to the product, mark it and remove it.",
     size: "Size",
+    noSize: "The size could not be measured.",
     sides: ["Length", "Width", "Height"],
     side: (cm: string, uncertainty: string | null) =>
       `${cm} cm${uncertainty === null ? "" : ` ${uncertainty}`}`,
@@ -255,8 +257,8 @@ export const texts = {
     boxAt: (x: number, y: number, width: number, height: number) =>
       `Box at ${x} % from the left and ${y} % from the top, ${width} % wide, ${height} % high.`,
     remove: "Remove selected",
-    clear: "Clear selection",
-    undo: "Undo removal",
+    clear: "Clear",
+    undo: "Undo",
     gone: "The selected points are removed.",
     undone: "The last removal is undone.",
     nothing: "Select something first.",

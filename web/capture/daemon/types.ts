@@ -73,8 +73,8 @@ export interface Result {
   readonly version: number;
   readonly points: number;
   readonly verdict: string;
-  readonly dimensions_m: readonly number[];
-  readonly dimensions_uncertainty_m: readonly number[];
+  readonly dimensions_m: readonly number[] | null;
+  readonly dimensions_uncertainty_m: readonly number[] | null;
   readonly warnings: readonly string[];
   readonly views: readonly {
     readonly name: string;
@@ -108,7 +108,7 @@ export interface State {
   readonly build: Build | null;
   readonly result: Result | null;
   readonly publish: Publish | null;
-  readonly folder: string;
+  readonly folder: string | null;
   readonly free_bytes: number;
   readonly error: string | null;
 }
@@ -117,6 +117,11 @@ export interface Hint {
   readonly level: Light;
   readonly code: string;
   readonly text: string;
+}
+
+/** "simulated", or "simulated:" and what it is to see. */
+export function isSimulated(address: string | undefined): boolean {
+  return address?.split(":")[0] === "simulated";
 }
 
 export type PixelPlace = readonly [number, number];

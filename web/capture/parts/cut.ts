@@ -29,20 +29,22 @@ export function makeCut(app: App, signal: AbortSignal): Cut {
   const front = h("input", { type: "checkbox" });
   const surface = makeSurface({ select, clear, say: app.say, remove: () => void remove() }, signal);
   const tools = (["turn", "box", "lasso"] as const).map((tool) =>
-    button(t[tool], () => choose(tool), { "aria-pressed": tool === "turn" }),
+    button(t[tool], () => choose(tool), { "aria-pressed": String(tool === "turn") }),
   );
   const drop = button(t.remove, () => void remove(), { class: "danger" });
   const forget = button(t.clear, clear);
   const undo = button(t.undo, () => void takeBack());
   const element = h(
     "section",
-    { class: "panel cut" },
-    h("h2", {}, t.title),
-    h("div", { class: "cut-tools", role: "group", "aria-label": t.tools }, ...tools),
+    { class: "panel cut", "aria-label": t.title },
+    h(
+      "div",
+      { class: "cut-row" },
+      h("div", { class: "cut-tools", role: "group", "aria-label": t.tools }, ...tools),
+      h("div", { class: "cut-actions" }, drop, forget, undo),
+    ),
     help,
-    h("label", { class: "check" }, front, t.front),
-    count,
-    h("div", { class: "actions" }, drop, forget, undo),
+    h("div", { class: "cut-row" }, count, h("label", { class: "check" }, front, t.front)),
   );
 
   function choose(tool: Tool): void {

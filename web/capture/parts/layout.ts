@@ -77,12 +77,15 @@ export function makeLayout(root: HTMLElement, actions: LayoutActions): Layout {
       const key = JSON.stringify(items);
       if (key === shownStages) return;
       shownStages = key;
-      stages.replaceChildren(...items.map((item) => stageElement(item, actions)));
+      stages.replaceChildren(...items.map((item, place) => stageElement(item, place, actions)));
     },
     showConnection: (text) => setText(connection, text),
     showError: (text) => setText(error, text),
     showFolder(state) {
-      setText(folder, state.folder === "" ? null : texts.folder(state.folder, formatBytes(state.free_bytes)));
+      setText(
+        folder,
+        state.folder === null ? null : texts.folder(state.folder, formatBytes(state.free_bytes)),
+      );
     },
     say(text) {
       live.textContent = text;
@@ -131,18 +134,21 @@ function stageItems(shown: ShownStep, state: State): StageItem[] {
   }));
 }
 
-function stageElement({ stage, isCurrent, isDone, canOpen }: StageItem, actions: LayoutActions): HTMLElement {
+function stageElement(
+  { stage, isCurrent, isDone, canOpen }: StageItem,
+  place: number,
+  actions: LayoutActions,
+) {
   const name = stage === "publish" ? texts.stages.publish : texts.stages.names[stage];
-  const done = isDone ? h("span", { class: "visually-hidden" }, ` (${texts.stages.done})`) : null;
-  const current = isCurrent ? "step" : undefined;
-  const item = h("li", { class: isDone ? "stage-done" : "stage", "aria-current": current });
-  if (canOpen && stage !== "publish") {
-    const open = button(name, () => actions.open(stage), { class: "link" });
-    if (done) open.append(done);
-    item.append(open);
-  } else {
-    item.append(h("span", {}, name));
-    if (done) item.append(done);
-  }
-  return item;
+  const mark = h("span", { class: "stage-mark", "aria-hidden": "true" }, isDone ? "✓" : String(place + 1));
+  const text = h("span", { class: "stage-name" }, name);
+  if (isDone) text.append(h("span", { class: "visually-hidden" }, ` (${texts.stages.done})`));
+  const inner =
+    canOpen && stage !== "publish" ? button("", () => actions.open(stage), { class: "link" }) : h("span", {});
+  inner.append(mark, text);
+  const attributes = {
+    class: isDone ? "stage-done" : "stage",
+    "aria-current": isCurrent ? "step" : undefined,
+  };
+  return h("li", attributes, inner);
 }

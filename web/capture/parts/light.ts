@@ -52,7 +52,8 @@ export function makeLight(signal: AbortSignal, say: (text: string) => void): Lig
       if (aloud !== null) say(aloud);
       if (now - shownAt < TEXT_MILLIS && element.dataset.light === light) return;
       shownAt = now;
-      const lines = sorted.map(({ text }) => text);
+      // The title says already that all is well.
+      const lines = sorted.filter(({ code }) => code !== "ok").map(({ text }) => text);
       set(light, t.lights[light], lines.length > 0 ? lines : [t.fallback[light]]);
     },
   };

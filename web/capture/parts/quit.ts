@@ -4,7 +4,7 @@ import { texts } from "../texts";
 
 const t = texts.quit;
 
-export function confirmQuit(folder: string): Promise<boolean> {
+export function confirmQuit(folder: string | null): Promise<boolean> {
   const titleId = freshId("quit");
   let sure = false;
   const dialog = h("dialog", { class: "dialog", "aria-labelledby": titleId });
@@ -18,7 +18,7 @@ export function confirmQuit(folder: string): Promise<boolean> {
   );
   dialog.append(
     h("h2", { id: titleId }, t.title),
-    h("p", {}, folder === "" ? t.textPlain : t.text(folder)),
+    h("p", {}, folder === null ? t.textPlain : t.text(folder)),
     h(
       "div",
       { class: "actions" },

@@ -3,7 +3,7 @@ import { ApiError } from "../../src/api/client";
 import { button, h } from "../../src/ui/dom";
 import { input, makeForm } from "../../src/ui/form";
 import { type App, type MakeStep, whenChanged } from "../app";
-import type { Paper, State } from "../daemon/types";
+import { isSimulated, type Paper, type State } from "../daemon/types";
 import { texts } from "../texts";
 
 const t = texts.board;
@@ -41,7 +41,7 @@ export const board: MakeStep = (app) => {
   return {
     content,
     update(state) {
-      simulated.hidden = state.sensor?.address !== "simulated";
+      simulated.hidden = !isSimulated(state.sensor?.address);
       showCurrent(state);
     },
   };

@@ -24,7 +24,6 @@ export const listing: MakeStep = (app, _state, signal) => {
     h(
       "div",
       { class: "listing-columns" },
-      h("section", { class: "panel" }, h("h2", {}, t.formTitle), listingForm(app, signal)),
       h(
         "section",
         { class: "panel leaving" },
@@ -32,6 +31,7 @@ export const listing: MakeStep = (app, _state, signal) => {
         h("p", {}, t.leavingLead),
         loaded(signal, async () => leavingList(await app.daemon.leaving())),
       ),
+      h("section", { class: "panel" }, h("h2", {}, t.formTitle), listingForm(app, signal)),
     ),
     back,
   );

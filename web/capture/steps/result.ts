@@ -37,8 +37,8 @@ export const result: MakeStep = (app, first, signal) => {
     h(
       "div",
       { class: "result-columns" },
-      h("div", { class: "result-view" }, frame),
-      h("div", { class: "result-side" }, facts, cut.element, actions(app)),
+      h("div", { class: "result-view" }, cut.element, frame),
+      h("div", { class: "result-side" }, facts, actions(app)),
     ),
   );
   const showResult = whenChanged(
@@ -86,7 +86,7 @@ function factParts(now: Result): HTMLElement[] {
       "section",
       { class: "panel" },
       h("h2", {}, t.size),
-      sizeList(now),
+      sizeList(now) ?? h("p", {}, t.noSize),
       h("h2", {}, t.verdictTitle),
       h("p", { class: `verdict verdict-${now.verdict}` }, named(t.verdicts, now.verdict)),
       h("p", { class: "facts" }, pointsText(now)),
@@ -101,9 +101,10 @@ function pointsText({ points, removed }: Result): string {
   return removed > 0 ? `${all}, ${t.removed(formatCount(removed))}` : all;
 }
 
-function sizeList({ dimensions_m, dimensions_uncertainty_m }: Result): HTMLElement {
+function sizeList({ dimensions_m, dimensions_uncertainty_m }: Result): HTMLElement | null {
+  if (!dimensions_m) return null;
   const rows = dimensions_m.slice(0, t.sides.length).flatMap((metres, i) => {
-    const uncertainty = dimensions_uncertainty_m[i];
+    const uncertainty = dimensions_uncertainty_m?.[i];
     const text = t.side(
       formatLength(metres, "cm"),
       uncertainty === undefined ? null : formatUncertainty([uncertainty]),

@@ -1,7 +1,7 @@
 // Which sensor: those that are there, why some cannot be used, and how to install what is missing.
 import { button, h } from "../../src/ui/dom";
 import { type App, type MakeStep, whenChanged } from "../app";
-import type { Library, SensorFound, State } from "../daemon/types";
+import { isSimulated, type Library, type SensorFound, type State } from "../daemon/types";
 import { texts } from "../texts";
 
 const t = texts.sensor;
@@ -57,7 +57,7 @@ function sensorItem(app: App, found: SensorFound, isOpen: boolean, place: number
     app.say(t.opening);
     void app.run(() => (isOpen ? app.daemon.goBack("board") : app.daemon.openSensor(found.address)));
   };
-  const isSimulated = found.backend === "simulated";
+  const isReal = !isSimulated(found.address);
   const status = isOpen ? t.inUse : found.usable ? t.ready : t.notReady;
   return h(
     "li",
@@ -67,8 +67,8 @@ function sensorItem(app: App, found: SensorFound, isOpen: boolean, place: number
       {},
       h("h3", {}, found.model),
       h("p", { class: found.usable ? "chip chip-active" : "chip chip-draft" }, status),
-      isSimulated && h("p", { class: "hint" }, t.simulated),
-      found.serial !== "" && h("p", { class: "hint" }, t.serial(found.serial)),
+      !isReal && h("p", { class: "hint" }, t.simulated),
+      isReal && found.serial !== "" && h("p", { class: "hint" }, t.serial(found.serial)),
       found.problem !== null && h("p", { class: "problem" }, found.problem),
       found.advice !== null && advice(found.advice),
     ),

@@ -45,7 +45,8 @@ export const views: MakeStep = (app, first, signal) => {
         live.facts,
       ),
       h("div", { class: "scan-ring" }, ring.element, live.depth),
-      h("div", { class: "scan-model" }, preview.element, list.element),
+      h("div", { class: "scan-model" }, preview.element),
+      h("div", { class: "scan-list" }, list.element),
       h("section", { class: "panel scan-build" }, buildHint, build),
     ),
   );
