@@ -7,7 +7,7 @@ SCANS ?= 300
 FUZZ_SECONDS ?= 20
 export CARGO_TERM_COLOR ?= auto
 
-.PHONY: help demo test build web lint test-rust test-web test-browser fuzz licences accuracy marker-corners clean
+.PHONY: help demo test build web lint test-rust test-drivers test-web test-browser fuzz licences accuracy marker-corners clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{printf "  make %-16s %s\n", $$1, $$2}'
@@ -17,7 +17,7 @@ demo: build ## scan with the simulated Kinect (or RECORDING=path), build, serve,
 
 test: ## everything: lints, unit, property, cross-crate, browser and fuzz tests
 	deploy/setup.sh test
-	$(MAKE) lint licences test-web build test-rust test-browser fuzz
+	$(MAKE) lint licences test-web build test-rust test-drivers test-browser fuzz
 	DEMO_EXIT=1 $(MAKE) demo
 	@echo "make test: all passed"
 
@@ -38,6 +38,10 @@ lint: web ## format, clippy, rustdoc, TypeScript and web lints, all as errors
 test-rust: build ## unit, property, snapshot and cross-crate tests
 	cd tests/gltf && $(NPM_INSTALL)
 	cargo test $(CARGO_FLAGS) --workspace
+
+test-drivers: ## the depth cameras' real C libraries, on simulated sensors, recordings and dumps
+	deploy/setup.sh test
+	SCAN_REQUIRE_DRIVERS=1 cargo test $(CARGO_FLAGS) -p kinect
 
 test-web: web ## the web client's own tests
 	cd web && npm test

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Installs what the project needs and says so. Usage: deploy/setup.sh build|test
-#   build: a C compiler for SQLite and TLS        test: also Chromium, its fonts, poppler, a C++ compiler for the fuzzers
+#   build: a C compiler for SQLite and TLS        test: also Chromium, its fonts, poppler, a C++ compiler for the fuzzers,
+#                                                     and the libraries of the depth cameras
 # Can be run again. Installs with apt, through sudo where it is not run as root.
 set -euo pipefail
 what=${1:-build}
@@ -23,13 +24,15 @@ command -v npm >/dev/null || fail "npm is missing; it comes with Node from https
 
 missing=()
 need() { dpkg-query -W -f='${Status}' "$1" 2>/dev/null | grep -q 'install ok installed' || missing+=("$1"); }
-command -v dpkg-query >/dev/null || { echo "This is not Debian: install a C compiler yourself, and for the tests chromium, poppler-utils and g++."; exit 0; }
+command -v dpkg-query >/dev/null || { echo "This is not Debian: install a C compiler yourself, and for the tests chromium, poppler-utils, g++, libfreenect and OpenNI2."; exit 0; }
 command -v cc >/dev/null || need gcc
 need libc6-dev
 if [ "$what" = test ]; then
   [ -x /usr/bin/chromium ] || need chromium
   command -v pdftoppm >/dev/null || need poppler-utils
   command -v c++ >/dev/null || need g++
+  need libfreenect0.5
+  need libopenni2-0
   fc-list 2>/dev/null | grep -q . || need fonts-dejavu-core
 fi
 if [ ${#missing[@]} -gt 0 ]; then

@@ -91,18 +91,18 @@ fn describe(context: &Context, sensor: &Sensor, parts: Parts, which: &Which, ser
     }
 }
 
-/// Why the library refused, from what it logged: it ends such lines with libusb's number.
+/// Why the library refused, from what it logged: libusb's name for it, or (older ones) its number at a line's end.
 fn refusal(lines: &[String]) -> Failure {
-    let number =
-        |line: &String| line.rsplit_once(": ").and_then(|(_, number)| number.trim().parse::<i32>().ok());
-    let numbers: Vec<i32> = lines.iter().filter_map(number).collect();
-    if numbers.contains(&-3) {
+    let says =
+        |name: &str, number: &str| lines.iter().any(|line| line.contains(name) || line.ends_with(number));
+    if says("LIBUSB_ERROR_ACCESS", ": -3") {
         return Failure::Refused(advice::NO_PERMISSION.into());
     }
-    if numbers.contains(&-6) {
+    if says("LIBUSB_ERROR_BUSY", ": -6") {
         return Failure::Refused(advice::BUSY.into());
     }
-    let said = lines.last().map(|line| format!(" ({line})")).unwrap_or_default();
+    // The first is the cause, the others its consequences.
+    let said = lines.first().map(|line| format!(" ({line})")).unwrap_or_default();
     Failure::Refused(format!("{}{said}", advice::NO_ANSWER))
 }
 
@@ -131,7 +131,10 @@ mod tests {
     fn refusals_in_words() {
         let said = |line: &str| refusal(&[line.to_owned()]);
         assert_eq!(said("Could not open camera: -3"), Failure::Refused(advice::NO_PERMISSION.into()));
-        assert_eq!(said("Could not claim interface on camera: -6"), Failure::Refused(advice::BUSY.into()));
+        assert_eq!(
+            said("Could not claim interface: LIBUSB_ERROR_BUSY"),
+            Failure::Refused(advice::BUSY.into())
+        );
         assert!(matches!(said("whatever"), Failure::Refused(words) if words.contains("(whatever)")));
     }
 }

@@ -3,6 +3,9 @@
 //! `cargo test` builds neither another package's program nor a `cdylib`: [`built`] builds them once a run, in the profile
 //! of the tests. Where a C library is not installed, tests pass with a message, unless `SCAN_REQUIRE_DRIVERS=1`.
 
+pub mod dump;
+pub mod scene;
+
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -1,5 +1,8 @@
 //! Runs drivers for the tests as `scan-product __driver` does, and others that misbehave as C libraries do.
 
+#[path = "driver-host/format.rs"]
+mod format;
+
 use std::ffi::OsString;
 use std::process::ExitCode;
 use std::thread;
@@ -16,9 +19,9 @@ use rustix::process::{Signal, getpid, kill_process};
 
 fn main() -> ExitCode {
     let args: Vec<OsString> = std::env::args_os().skip(2).collect();
-    let misbehaved: [(&str, Driver); 1] = [("misbehave", misbehave)];
-    if args.first().is_some_and(|name| name == "misbehave") {
-        return ExitCode::from(worker::run_one_of(&misbehaved, &args));
+    let of_tests: [(&str, Driver); 2] = [("misbehave", misbehave), ("freenect-format", format::run)];
+    if of_tests.iter().any(|(name, _)| args.first().is_some_and(|arg| arg == name)) {
+        return ExitCode::from(worker::run_one_of(&of_tests, &args));
     }
     ExitCode::from(worker::run(&args))
 }
