@@ -47,7 +47,8 @@ impl Shop {
             let app = App::open(config).await.expect("the server opens");
             let hash = app.passwords.hash("correct horse".into()).await.expect("a password is hashed");
             let ann = app.db.insert_account("ann", &hash, Role::Admin).await.expect("an account is made");
-            let new = NewToken { name: "fuzz".into(), scopes: vec![Scope::Upload, Scope::Manage], days: None };
+            let new =
+                NewToken { name: "fuzz".into(), scopes: vec![Scope::Upload, Scope::Manage], days: None };
             let (token, _) = issue(&app.db, &ann.id, new).await.expect("a token is made");
             (server::routes::router(app), token)
         });
@@ -69,14 +70,16 @@ impl Shop {
             request = request.header(*name, *value);
         }
         let request = request.header("authorization", format!("Bearer {}", self.token));
-        let (answer, bytes) = self.send(request.body(Body::from(body.to_owned())).expect("our own requests are sound"));
+        let (answer, bytes) =
+            self.send(request.body(Body::from(body.to_owned())).expect("our own requests are sound"));
         (answer, serde_json::from_slice(&bytes).unwrap_or_default())
     }
 
     /// The listing that inputs name, made anew when one has deleted it.
     fn listing(&self) -> (String, String) {
         let mut kept = self.listing.lock().expect("nothing panics here and goes on");
-        let there = |id: &str| self.ask("GET", &format!("/api/products/{id}"), &[], "").0.status().is_success();
+        let there =
+            |id: &str| self.ask("GET", &format!("/api/products/{id}"), &[], "").0.status().is_success();
         if let Some(listing) = kept.clone().filter(|(id, _)| there(id)) {
             return listing;
         }
