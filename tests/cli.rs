@@ -13,5 +13,5 @@ mod interrupt;
 mod method_source;
 mod repeatable;
 mod secrets;
-mod support;
+pub(crate) mod support;
 mod usage;

@@ -114,15 +114,22 @@ fn built(folder: &Path) -> Vec<u8> {
     model
 }
 
-/// A line between client and server that breaks when its budget of bytes is used up.
+/// A line between client and server that breaks, or halts, when its budget of bytes is used up.
 struct Line {
     address: SocketAddr,
     left: Arc<AtomicI64>,
     sent: Arc<AtomicI64>,
 }
 
+/// What a line does when its budget is used up.
+#[derive(Clone, Copy)]
+enum AtEnd {
+    Break,
+    Halt,
+}
+
 impl Line {
-    fn to(server: SocketAddr) -> Self {
+    fn to(server: SocketAddr, at_end: AtEnd) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let line = Self {
             address: listener.local_addr().unwrap(),
@@ -137,18 +144,26 @@ impl Line {
                 let Ok(server) = TcpStream::connect(server) else { continue };
                 let (back_from, back_to) = (server.try_clone().unwrap(), client.try_clone().unwrap());
                 std::thread::spawn(move || {
-                    forward(&back_from, &back_to, &AtomicI64::new(i64::MAX), &AtomicI64::new(0));
+                    forward(&back_from, &back_to, &AtomicI64::new(i64::MAX), &AtomicI64::new(0), at_end);
                 });
-                std::thread::spawn(move || forward(&client, &server, &left, &sent));
+                std::thread::spawn(move || forward(&client, &server, &left, &sent, at_end));
             }
         });
         line
     }
 }
 
-fn forward(mut from: &TcpStream, mut to: &TcpStream, left: &AtomicI64, sent: &AtomicI64) {
+fn forward(mut from: &TcpStream, mut to: &TcpStream, left: &AtomicI64, sent: &AtomicI64, at_end: AtEnd) {
     let mut piece = [0; 8192];
     while let Ok(n @ 1..) = from.read(&mut piece) {
+        if matches!(at_end, AtEnd::Halt) && left.load(Ordering::SeqCst) < n as i64 {
+            left.store(0, Ordering::SeqCst);
+            // The connection stands and nothing moves until the line is mended; then it is found broken.
+            while left.load(Ordering::SeqCst) == 0 {
+                std::thread::sleep(Duration::from_millis(5));
+            }
+            break;
+        }
         if left.fetch_sub(n as i64, Ordering::SeqCst) < n as i64 || to.write_all(&piece[..n]).is_err() {
             break;
         }
@@ -198,7 +213,7 @@ fn a_broken_connection_is_gone_on_with_at_once() {
     let shop = Shop::open();
     let out = tempfile::tempdir().unwrap();
     built(out.path());
-    let line = Line::to(shop.address);
+    let line = Line::to(shop.address, AtEnd::Break);
     line.left.store(150_000, Ordering::SeqCst);
     let mended = line.left.clone();
     let mender = std::thread::spawn(move || {
@@ -216,7 +231,7 @@ fn the_command_started_again_goes_on_where_it_stopped() {
     let shop = Shop::open();
     let out = tempfile::tempdir().unwrap();
     let bytes = built(out.path()).len() as i64;
-    let line = Line::to(shop.address);
+    let line = Line::to(shop.address, AtEnd::Break);
     line.left.store(bytes / 2, Ordering::SeqCst);
     let to = destination(line.address, &shop.seller, 2);
     let broken = publish(out.path(), &to, &mug(), &Ui::silent()).unwrap_err();
@@ -231,6 +246,42 @@ fn the_command_started_again_goes_on_where_it_stopped() {
     assert!(line.sent.load(Ordering::SeqCst) < bytes * 9 / 10, "only the rest was sent");
     let mine = shop.json("/api/manage/products", Some(&shop.seller));
     assert_eq!((&mine["total"], &mine["items"][0]["id"]), (&json!(1), &json!(published.product_id)));
+}
+
+#[cfg(unix)]
+#[test]
+fn an_upload_interrupted_by_ctrl_c_is_gone_on_with() {
+    let shop = Shop::open();
+    let out = tempfile::tempdir().unwrap();
+    let bytes = built(out.path()).len() as i64;
+    let line = Line::to(shop.address, AtEnd::Halt);
+    line.left.store(bytes / 2, Ordering::SeqCst);
+    let folder = out.path().to_str().unwrap().to_owned();
+    let upload = |address: SocketAddr| {
+        let mut command = crate::cli::support::command();
+        command.args(["upload", &folder, "--title", "Mug", "--server", &format!("http://{address}")]);
+        command.env("ALLROUND_TOKEN", &shop.seller).stderr(std::process::Stdio::piped());
+        command.spawn().unwrap()
+    };
+    let mut child = upload(line.address);
+    while line.left.load(Ordering::SeqCst) > 0 {
+        assert!(child.try_wait().unwrap().is_none(), "it ended before the line halted");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let killed = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    assert!(killed.unwrap().success());
+    let ended = child.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&ended.stderr).into_owned();
+    assert_eq!(ended.status.code(), Some(130), "{said}");
+    assert!(!said.contains("panicked"), "{said}");
+    line.left.store(i64::MAX, Ordering::SeqCst);
+    let again = upload(line.address).wait_with_output().unwrap();
+    assert!(again.status.success(), "{}", String::from_utf8_lossy(&again.stderr));
+    let mine = shop.json("/api/manage/products", Some(&shop.seller));
+    assert_eq!(mine["total"], json!(1));
+    let id = mine["items"][0]["id"].as_str().unwrap();
+    let listing = shop.json(&format!("/api/products/{id}"), Some(&shop.seller));
+    assert_eq!(listing["model"]["points"], json!(POINTS));
 }
 
 #[test]

@@ -130,6 +130,21 @@ fn a_seven_scenes_folder() {
 }
 
 #[test]
+fn a_bop_scene_folder() {
+    let foreign = Foreign::new();
+    let mut cameras = serde_json::Map::new();
+    for view in 0..4 {
+        let (color, depth) = pair(view, 10, 0);
+        foreign.write(&format!("rgb/{view:06}.png"), color);
+        foreign.write(&format!("depth/{view:06}.png"), depth);
+        let matrix = [525.0, 0.0, 319.5, 0.0, 525.0, 239.5, 0.0, 0.0, 1.0];
+        cameras.insert(view.to_string(), serde_json::json!({"cam_K": matrix, "depth_scale": 0.1}));
+    }
+    foreign.write("scene_camera.json", serde_json::Value::from(cameras).to_string());
+    foreign.gives_the_mug(&[]);
+}
+
+#[test]
 fn plain_folders_of_pairs() {
     let foreign = Foreign::new();
     for view in 0..4 {
