@@ -58,6 +58,8 @@ pub enum Command {
     Capture(commands::capture::Args),
     /// Go on with a recording that was not finished
     Resume(commands::resume::Args),
+    /// List the depth cameras that are plugged in, and why one cannot be used
+    Devices(commands::devices::Args),
     /// Build an old recording anew, keeping the older result aside
     Rebuild(commands::rebuild::Args),
     /// Build the 3D model of a recording
@@ -90,6 +92,7 @@ pub fn run(cli: &Cli) -> anyhow::Result<u8> {
     match cli.command.as_ref().unwrap_or(&usual) {
         Command::Capture(args) => commands::capture::run(args, &ui),
         Command::Resume(args) => commands::resume::run(args, &ui),
+        Command::Devices(args) => commands::devices::run(args, &ui),
         Command::Rebuild(args) => commands::rebuild::run(args, &ui),
         Command::Build(args) => commands::build::run(args, &ui),
         Command::Board(args) => commands::board::run(args, &ui),

@@ -5,6 +5,7 @@ pub mod build;
 pub mod capture;
 pub mod completions;
 pub mod demo;
+pub mod devices;
 pub mod import;
 pub mod rebuild;
 pub mod resume;

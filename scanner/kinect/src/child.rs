@@ -4,6 +4,7 @@
 //! therefore runs in a child process of the same program ([`crate::worker`]), and [`ChildSource`] makes events of
 //! whatever becomes of it. Starting again starts a new process.
 
+mod ask;
 mod launch;
 mod queue;
 mod reader;
@@ -11,6 +12,7 @@ mod running;
 
 use std::time::Duration;
 
+pub use ask::ask;
 pub use launch::{Launch, Overflow, Patience, SUBCOMMAND};
 use running::Running;
 

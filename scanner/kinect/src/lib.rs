@@ -2,7 +2,7 @@
 //!
 //! [`source`] has what every sensor offers, real, replayed or simulated: the [`source::Source`] trait. The C libraries run
 //! in processes of their own: [`child`] is the program's side of one, [`worker`] the driver's, [`wire`] what they say to
-//! each other.
+//! each other. [`probe`] says what is plugged in, and what stands in its way.
 //!
 //! | what | convention |
 //! |---|---|
@@ -18,6 +18,7 @@ pub mod freenect;
 #[cfg(feature = "openni2")]
 pub mod openni2;
 pub mod pair;
+pub mod probe;
 pub mod source;
 mod sys;
 pub mod usb;

@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Where Linux lists USB devices.
-pub const SYSFS: &str = "/sys/bus/usb/devices";
+use crate::probe::Places;
+
 /// Most devices that are looked at.
 const MOST_DEVICES: usize = 1000;
 /// Longest attribute that is read, bytes.
@@ -36,7 +36,7 @@ pub struct Device {
     pub drivers: Vec<String>,
 }
 
-/// All devices below a folder like [`SYSFS`], in order of their names; none where there is no such folder.
+/// All devices below a folder like that, in order of their names; none where there is no such folder.
 pub fn devices(folder: &Path) -> Vec<Device> {
     let Ok(entries) = fs::read_dir(folder) else { return Vec::new() };
     let mut names: Vec<String> = entries
@@ -135,7 +135,7 @@ impl Device {
 /// The model of the Kinect with this serial number, or of the only one.
 pub fn kinect_model(serial: &str) -> String {
     let cameras: Vec<Device> =
-        devices(Path::new(SYSFS)).into_iter().filter(Device::is_kinect_camera).collect();
+        devices(&Places::of_system().usb).into_iter().filter(Device::is_kinect_camera).collect();
     let by_serial = cameras.iter().find(|camera| !serial.is_empty() && camera.serial == serial);
     let only = if cameras.len() == 1 { cameras.first() } else { None };
     by_serial.or(only).map_or("Kinect", Device::model).to_owned()

@@ -14,6 +14,7 @@ use reconstruct::pose;
 use reconstruct::recording::Rig;
 use serde::{Deserialize, Serialize};
 
+use crate::probe::LibraryFacts;
 use crate::source::{Ability, Control, SensorInfo};
 
 /// Longest body that is not an image, bytes.
@@ -38,6 +39,8 @@ pub enum Message {
     Gravity([f64; 3]),
     /// How a [`Control`] went: nothing, or why it did not.
     Answer(Option<String>),
+    /// A library that was asked for is there; the process ends.
+    Found(LibraryFacts),
     /// The driver is at work, though it has nothing to deliver.
     Alive,
     /// The sensor is gone; the driver ends.
@@ -90,6 +93,7 @@ enum Words {
     Opened(Box<Opened>),
     Gravity([f64; 3]),
     Answer(Option<String>),
+    Found(LibraryFacts),
     Alive,
     Unplugged,
     Ended,
@@ -130,6 +134,7 @@ pub fn write(out: &mut impl Write, message: &Message) -> io::Result<()> {
         Message::Opened(info) => Words::Opened(Box::new(Opened::of(info))),
         Message::Gravity(gravity) => Words::Gravity(*gravity),
         Message::Answer(refusal) => Words::Answer(refusal.clone()),
+        Message::Found(facts) => Words::Found(facts.clone()),
         Message::Alive => Words::Alive,
         Message::Unplugged => Words::Unplugged,
         Message::Ended => Words::Ended,
@@ -179,6 +184,7 @@ fn read_words(input: &mut impl Read, length: u32) -> io::Result<Message> {
         Words::Opened(opened) => Message::Opened(Box::new(opened.info()?)),
         Words::Gravity(gravity) => Message::Gravity(gravity),
         Words::Answer(refusal) => Message::Answer(refusal),
+        Words::Found(facts) => Message::Found(facts),
         Words::Alive => Message::Alive,
         Words::Unplugged => Message::Unplugged,
         Words::Ended => Message::Ended,

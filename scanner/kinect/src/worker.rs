@@ -19,6 +19,7 @@ use std::time::{Duration, Instant};
 use rustix::io::{FdFlags, fcntl_getfd, fcntl_setfd};
 use rustix::process::{Signal, getpid, kill_process};
 
+use crate::probe;
 use crate::source::{Control, SensorInfo};
 use crate::wire::{self, Failure, Message, Order};
 
@@ -97,9 +98,10 @@ pub fn run_one_of(drivers: &[(&str, Driver)], args: &[OsString]) -> u8 {
 
 fn understand(drivers: &[(&str, Driver)], args: &[OsString]) -> Option<(Driver, File, Request)> {
     let [name, fd, target] = args else { return None };
-    let (_, driver) = drivers.iter().find(|(known, _)| name == known)?;
+    let known = drivers.iter().find(|(known, _)| name == known).map(|(_, driver)| *driver);
+    let driver = known.or_else(|| probe::driver_of(name.to_str()?))?;
     let out = take_pipe(fd.to_str()?.parse().ok()?)?;
-    Some((*driver, out, Request { target: target.to_str()?.to_owned() }))
+    Some((driver, out, Request { target: target.to_str()?.to_owned() }))
 }
 
 /// Takes over the pipe that was inherited under this number; `None` where there is none.

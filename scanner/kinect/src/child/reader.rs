@@ -106,8 +106,7 @@ impl Reader {
                 );
             }
             let silence = if opened { self.patience.silence } else { self.patience.opening };
-            let mut input =
-                Impatient { pipe: &mut self.messages, wish: &self.wish, until: Instant::now() + silence };
+            let mut input = Impatient::new(&mut self.messages, &self.wish, Instant::now() + silence);
             let message = match wire::read(&mut input) {
                 Ok(Some(message)) => message,
                 Ok(None) => return End::Closed,
@@ -137,7 +136,8 @@ impl Reader {
                 Message::Answer(refusal) => {
                     let _ = self.answers.controls.send(refusal);
                 }
-                Message::Alive => {}
+                // The answer to a question of [`super::ask()`], which nobody has asked here.
+                Message::Alive | Message::Found(_) => {}
                 Message::Unplugged => {
                     self.queue.event(Event::Unplugged);
                     return End::Said;
@@ -187,7 +187,7 @@ fn end_of(error: &io::Error) -> End {
 }
 
 /// Waits for a process that should be ending, and ends it where it does not.
-fn farewell(child: &mut Child) -> Option<ExitStatus> {
+pub(super) fn farewell(child: &mut Child) -> Option<ExitStatus> {
     let until = Instant::now() + FAREWELL;
     while Instant::now() < until {
         if let Ok(Some(status)) = child.try_wait() {
@@ -213,10 +213,16 @@ fn obituary(status: Option<ExitStatus>) -> String {
 }
 
 /// A pipe that is waited for no longer than it is worth.
-struct Impatient<'a> {
+pub(super) struct Impatient<'a> {
     pipe: &'a mut PipeReader,
     wish: &'a Wish,
     until: Instant,
+}
+
+impl<'a> Impatient<'a> {
+    pub(super) fn new(pipe: &'a mut PipeReader, wish: &'a Wish, until: Instant) -> Self {
+        Self { pipe, wish, until }
+    }
 }
 
 impl Read for Impatient<'_> {

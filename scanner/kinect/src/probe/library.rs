@@ -1,0 +1,141 @@
+//! Whether the libraries are there: asked of a process of its own, for opening one runs its code.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+
+use super::Library;
+use crate::advice;
+use crate::child::{self, Launch};
+use crate::wire::{Failure, Message};
+use crate::worker::{Driver, DriverError, Link, Request};
+
+/// How long a library may take to open and say its version.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// A library's name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Name {
+    /// libfreenect.
+    Freenect,
+    /// OpenNI2.
+    OpenNi2,
+}
+
+/// What a library says of itself.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LibraryFacts {
+    /// The file it came from.
+    pub path: Option<String>,
+    /// Its version, as far as it says.
+    pub version: Option<String>,
+}
+
+/// Asks for both libraries.
+pub(super) fn look() -> Vec<Library> {
+    [Name::Freenect, Name::OpenNi2].map(look_for).into()
+}
+
+fn look_for(name: Name) -> Library {
+    let (words, serves) = match name {
+        Name::Freenect => ("libfreenect", "Kinect for Xbox 360, Kinect for Windows"),
+        Name::OpenNi2 => ("OpenNI2", "Asus Xtion, PrimeSense, .oni files"),
+    };
+    let missing = |advice| Library { name: words, serves, path: None, version: None, advice: Some(advice) };
+    let launch = match Launch::new(driver_name(name), "") {
+        Ok(launch) => launch,
+        Err(error) => return missing(format!("this program cannot start itself: {error}")),
+    };
+    match child::ask(&launch, PATIENCE) {
+        Ok(Message::Found(LibraryFacts { path, version })) => {
+            Library { name: words, serves, path, version, advice: None }
+        }
+        Ok(Message::Failed(Failure::LibraryMissing(advice))) => missing(advice),
+        Ok(Message::Failed(Failure::Other(why) | Failure::Refused(why) | Failure::NotFound(why))) => {
+            missing(format!("it is there but does not work: {why}"))
+        }
+        Ok(_) => missing("it is there but does not work".into()),
+        Err(why) => missing(format!("it is there but does not work: {why}")),
+    }
+}
+
+fn driver_name(name: Name) -> &'static str {
+    match name {
+        Name::Freenect => "look-for-freenect",
+        Name::OpenNi2 => "look-for-openni2",
+    }
+}
+
+/// The driver that only opens a library and says what it is.
+pub(crate) fn driver_of(name: &str) -> Option<Driver> {
+    match name {
+        "look-for-freenect" => Some(freenect),
+        "look-for-openni2" => Some(openni2),
+        _ => None,
+    }
+}
+
+#[cfg(feature = "freenect")]
+fn freenect(_request: &Request, link: &mut Link) -> Result<(), DriverError> {
+    let library = crate::sys::freenect::Library::open();
+    let _open = library.map_err(|why| {
+        DriverError::Failed(Failure::LibraryMissing(format!("{} ({why})", advice::INSTALL_FREENECT)))
+    })?;
+    let path = loaded_as("freenect.so").or_else(|| loaded_as("libfakenect.so"));
+    // The library does not say its version, but its file's name does.
+    let version = path.as_ref().and_then(|path| version_in(&path.to_string_lossy()));
+    say(link, path, version)
+}
+
+#[cfg(not(feature = "freenect"))]
+fn freenect(_request: &Request, _link: &mut Link) -> Result<(), DriverError> {
+    Err(DriverError::Failed(Failure::LibraryMissing("this program was built without it".into())))
+}
+
+#[cfg(feature = "openni2")]
+fn openni2(_request: &Request, link: &mut Link) -> Result<(), DriverError> {
+    let version = crate::openni2::version().map_err(|failure| match failure {
+        Failure::LibraryMissing(_) => Failure::LibraryMissing(advice::INSTALL_OPENNI2.into()),
+        other => other,
+    });
+    let version = version.map_err(DriverError::Failed)?;
+    say(link, loaded_as("OpenNI2.so"), Some(version))
+}
+
+#[cfg(not(feature = "openni2"))]
+fn openni2(_request: &Request, _link: &mut Link) -> Result<(), DriverError> {
+    Err(DriverError::Failed(Failure::LibraryMissing("this program was built without it".into())))
+}
+
+fn say(link: &mut Link, path: Option<PathBuf>, version: Option<String>) -> Result<(), DriverError> {
+    let path = path.map(|path| path.to_string_lossy().into_owned());
+    link.send(&Message::Found(LibraryFacts { path, version }))
+}
+
+/// The file of a library that is open in this process.
+fn loaded_as(part: &str) -> Option<PathBuf> {
+    let maps = std::fs::read_to_string("/proc/self/maps").ok()?;
+    let mut paths = maps.lines().filter_map(|line| line.split_once('/').map(|(_, path)| format!("/{path}")));
+    paths.find(|path| path.contains(part)).map(PathBuf::from)
+}
+
+/// `libfreenect.so.0.5.3` is version 0.5.3.
+fn version_in(path: &str) -> Option<String> {
+    let version = path.rsplit_once(".so.")?.1;
+    let is_number =
+        version.split('.').all(|part| !part.is_empty() && part.chars().all(|c| c.is_ascii_digit()));
+    is_number.then(|| version.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn versions_by_name() {
+        assert_eq!(version_in("/usr/lib/libfreenect.so.0.5.3").as_deref(), Some("0.5.3"));
+        assert_eq!(version_in("/usr/lib/libfreenect.so"), None);
+        assert_eq!(version_in("/usr/lib/libfreenect.so.old"), None);
+    }
+}
