@@ -7,6 +7,7 @@
 mod bad_board;
 mod bad_input;
 mod bad_scans;
+mod devices;
 mod disk;
 mod imports;
 mod interrupt;

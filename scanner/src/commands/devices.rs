@@ -57,12 +57,10 @@ fn in_words(look: &Look) -> String {
 }
 
 fn sensor_in_words(sensor: &Sensor) -> String {
-    let mut words = format!("  {}", sensor.model);
-    if !sensor.serial.is_empty() {
-        words += &format!(", serial number {}", sensor.serial);
-    }
-    words += &format!(", USB port {}", sensor.port);
-    words += if sensor.is_usable() { ": ready\n" } else { ": cannot be used\n" };
+    let serial =
+        if sensor.serial.is_empty() { String::new() } else { format!(", serial number {}", sensor.serial) };
+    let state = if sensor.is_usable() { "ready" } else { "cannot be used" };
+    let mut words = format!("  {}{serial}, USB port {}: {state}\n", sensor.model, sensor.port);
     for problem in &sensor.problems {
         let sign = if problem.blocks { "!" } else { "note:" };
         // Writing into memory does not fail.
@@ -91,16 +89,13 @@ fn ability_in_words(ability: Ability) -> &'static str {
 }
 
 fn library_in_words(library: &Library) -> String {
-    let mut words = format!("  {} ({})", library.name, library.serves);
-    match (&library.advice, &library.path) {
-        (Some(advice), _) => words += &format!(": missing\n    {advice}\n"),
-        (None, path) => {
-            let version = library.version.as_deref().unwrap_or("of unknown version");
-            words += &format!(": {version}");
-            words += &path.as_ref().map_or("\n".to_owned(), |path| format!(", {path}\n"));
-        }
+    let Library { name, serves, path, version, advice } = library;
+    if let Some(advice) = advice {
+        return format!("  {name} ({serves}): missing\n    {advice}\n");
     }
-    words
+    let version = version.as_deref().unwrap_or("of unknown version");
+    let place = path.as_ref().map(|path| format!(", {path}")).unwrap_or_default();
+    format!("  {name} ({serves}): {version}{place}\n")
 }
 
 fn permission_in_words() -> String {
@@ -144,7 +139,25 @@ mod tests {
 
     #[test]
     fn everything_in_words() {
-        insta::assert_snapshot!(in_words(&look()));
+        let words = in_words(&look());
+        let expected = "\
+Sensors
+  Kinect for Xbox 360 (model 1414), serial number A0, USB port 3-1.3: ready
+    note: what is wrong and what to do
+    scan with it: scan-product capture --sensor freenect:A0
+    besides pictures and depth: tilts by motor, takes sharper pictures
+  Kinect for Xbox 360 (model 1414), serial number B0, USB port 3-1.3: cannot be used
+    ! what is wrong and what to do
+
+Libraries
+  libfreenect (some sensors): 0.5.3, /usr/lib/lib.so.0.5.3
+  OpenNI2 (some sensors): missing
+    install it
+
+To be allowed to use the sensor, put this into /etc/udev/rules.d/60-allround-kinect.rules
+";
+        assert_eq!(words.split_inclusive("kinect.rules\n").next(), Some(expected));
+        assert!(words.ends_with(UDEV_RULES));
     }
 
     #[test]
