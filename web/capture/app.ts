@@ -5,7 +5,7 @@ import type { State } from "./daemon/types";
 
 export interface App {
   readonly daemon: Daemon;
-  /** Sends an order and shows what came of it: the new state, or why not, as an alert. Resolves to whether it worked. */
+  /** Sends an order; why it is not carried out is shown as an alert. Resolves to whether it is. */
   run(order: () => Promise<State>): Promise<boolean>;
   /** As `run`, but what goes wrong is the caller's to show. */
   take(order: () => Promise<State>): Promise<void>;

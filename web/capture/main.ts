@@ -56,10 +56,14 @@ const app: App = {
   },
   async take(order) {
     layout.notice.clear();
-    onState(await order());
+    // What it changed comes over the live line: two lines could tell the same news in two orders.
+    await order();
   },
   say: layout.say,
-  fail: (text) => layout.notice.bad(text),
+  fail(text) {
+    layout.notice.bad(text);
+    layout.showError(state?.error ?? null);
+  },
   openListing(open) {
     isListingOpen = open;
     layout.notice.clear();
@@ -68,8 +72,6 @@ const app: App = {
 };
 
 function onState(next: State): void {
-  // An answer to an order and the news of the same moment come on two lines: the older one is no news.
-  if (state && next.version < state.version) return;
   state = next;
   show(next);
 }
@@ -83,10 +85,8 @@ function show(now: State): void {
   shown?.step.update(now);
 }
 
-function stepToShow({ step, publish }: State): ShownStep {
-  if (step === "publishing" && publish?.phase === "failed") return "listing";
-  if (step === "result" && isListingOpen) return "listing";
-  return step;
+function stepToShow({ step }: State): ShownStep {
+  return step === "result" && isListingOpen ? "listing" : step;
 }
 
 function enter(name: ShownStep, now: State): void {
@@ -107,7 +107,7 @@ function enter(name: ShownStep, now: State): void {
 
 async function open(stage: "sensor" | "board" | "views" | "result"): Promise<void> {
   if (state?.step === stage) app.openListing(false);
-  else if (await app.run(() => daemon.goBack(stage))) app.openListing(false);
+  else if (await app.run(() => daemon.goBack(stage))) isListingOpen = false;
 }
 
 async function quit(): Promise<void> {
@@ -137,8 +137,6 @@ function connect(): Live {
     },
     onBack() {
       layout.showConnection(null);
-      // A program started anew counts from the beginning.
-      state = null;
       if (wasLost) layout.say(texts.connection.back);
       wasLost = false;
     },

@@ -320,6 +320,7 @@ test("publishing: the form is kept where it fails, and the token goes nowhere el
     server: "https://shop.example",
   });
   daemon.set({
+    step: "result",
     publish: {
       phase: "failed",
       sent_bytes: 0,

@@ -57,7 +57,6 @@ export function view(number: number, azimuth: number): TakenView {
 }
 
 export const BEGIN: State = {
-  version: 1,
   step: "sensor",
   sensors: [SIMULATED, REFUSED],
   libraries: [
@@ -74,6 +73,7 @@ export const BEGIN: State = {
   build: null,
   result: null,
   publish: null,
+  server: null,
   folder: null,
   free_bytes: 52_000_000_000,
   error: null,

@@ -94,7 +94,6 @@ export interface Publish {
 }
 
 export interface State {
-  readonly version: number;
   readonly step: StepName;
   readonly sensors: readonly SensorFound[];
   readonly libraries: readonly Library[];
@@ -108,6 +107,8 @@ export interface State {
   readonly build: Build | null;
   readonly result: Result | null;
   readonly publish: Publish | null;
+  /** The shop to propose for publishing. */
+  readonly server: string | null;
   readonly folder: string | null;
   readonly free_bytes: number;
   readonly error: string | null;

@@ -38,6 +38,8 @@ describe("the clock round the product", () => {
     expect(sectorAt(sectors, 0.01)).toBe(0);
     expect(sectorAt(sectors, -0.01)).toBe(11);
     expect(sectorAt(sectors, 2 * Math.PI + 1.5 * STEP)).toBe(1);
+    for (let i = 0; i < 24; i++)
+      expect(sectorAt(sectors, (i * STEP) / 2), "on and between borders").not.toBe(-1);
     expect(sectorAt([], 1)).toBe(-1);
   });
 });

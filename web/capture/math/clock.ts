@@ -31,9 +31,10 @@ export function middle({ from, to }: Sector): number {
   return (from + to) / 2;
 }
 
-/** The sector that holds the angle; -1 where none does. */
+/** The sector round the angle: the one whose middle is nearest, for a border belongs to one side only. -1 where there are none. */
 export function sectorAt(sectors: readonly Sector[], angle: number): number {
-  return sectors.findIndex(({ from, to }) => wrapTurn(angle - from) < to - from);
+  const away = sectors.map((sector) => Math.abs(wrapTurn(angle - middle(sector) + Math.PI) - Math.PI));
+  return away.indexOf(Math.min(...away));
 }
 
 /** Hours in a row as [first, last], clockwise: [1, 2, 3, 7] becomes [1, 3], [7, 7]; a row may pass 12. */

@@ -80,7 +80,10 @@ export function makeLayout(root: HTMLElement, actions: LayoutActions): Layout {
       stages.replaceChildren(...items.map((item, place) => stageElement(item, place, actions)));
     },
     showConnection: (text) => setText(connection, text),
-    showError: (text) => setText(error, text),
+    showError(text) {
+      // Why the last order was refused stands there already.
+      setText(error, text === notice.element.textContent ? null : text);
+    },
     showFolder(state) {
       setText(
         folder,

@@ -112,7 +112,8 @@ function paint(
 ): void {
   if (canvas.width !== picture.width) canvas.width = picture.width;
   if (canvas.height !== picture.height) canvas.height = picture.height;
-  const pen = canvas.getContext("2d", { alpha: false });
+  // Drawn in main memory: for two small pictures the way through the graphics card's is longer, and without a card much longer.
+  const pen = canvas.getContext("2d", { alpha: false, willReadFrequently: true });
   if (!pen) return;
   pen.drawImage(picture, 0, 0);
   over?.(pen);

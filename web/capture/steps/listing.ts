@@ -13,9 +13,9 @@ import { texts } from "../texts";
 const t = texts.listing;
 const CURRENCIES = ["EUR", "USD", "GBP", "CHF", "PLN", "SEK", "DKK", "NOK", "CZK", "JPY", "CNY"];
 
-export const listing: MakeStep = (app, _state, signal) => {
+export const listing: MakeStep = (app, { server }, signal) => {
   const failed = h("p", { class: "notice bad", role: "alert" });
-  const back = button(t.back, () => void toModel(app));
+  const back = button(t.back, () => app.openListing(false));
   const content = h(
     "div",
     {},
@@ -31,7 +31,7 @@ export const listing: MakeStep = (app, _state, signal) => {
         h("p", {}, t.leavingLead),
         loaded(signal, async () => leavingList(await app.daemon.leaving())),
       ),
-      h("section", { class: "panel" }, h("h2", {}, t.formTitle), listingForm(app, signal)),
+      h("section", { class: "panel" }, h("h2", {}, t.formTitle), listingForm(app, server, signal)),
     ),
     back,
   );
@@ -43,11 +43,6 @@ export const listing: MakeStep = (app, _state, signal) => {
   );
   return { content, update: showFailure };
 };
-
-async function toModel(app: App): Promise<void> {
-  app.openListing(false);
-  await app.run(() => app.daemon.goBack("result"));
-}
 
 function leavingList({ files, stays }: Leaving): HTMLElement {
   const total = files.reduce((sum, { bytes }) => sum + bytes, 0);
@@ -67,8 +62,9 @@ function leavingList({ files, stays }: Leaving): HTMLElement {
   );
 }
 
-function listingForm(app: App, signal: AbortSignal): HTMLFormElement {
-  const fields = makeFields(readDraft());
+function listingForm(app: App, server: string | null, signal: AbortSignal): HTMLFormElement {
+  const draft = readDraft();
+  const fields = makeFields({ ...draft, server: draft.server || (server ?? "") });
   const { form } = makeForm(fields.elements, t.submit, async () => {
     const wanted = toListing(fields.read());
     await app.take(() => app.daemon.publish(wanted));
