@@ -24,12 +24,9 @@ use crate::advice;
 use crate::sys::freenect::Library;
 use crate::wire::Failure;
 use crate::worker::{DriverError, Link, Request};
-use depth::Mapping;
+use depth::Constants;
 use handle::{Context, Unavailable};
 use open::Opened;
-
-/// The colour camera's focal length where nobody has calibrated it, pixels of 640 x 480.
-const FOCAL: f64 = 525.0;
 
 /// Drives one sensor until the end is asked for or the sensor is gone.
 ///
@@ -37,8 +34,7 @@ const FOCAL: f64 = 525.0;
 /// Why it cannot be had, or what went wrong.
 pub fn run(request: &Request, link: &mut Link) -> Result<(), DriverError> {
     let context = context()?;
-    let Opened { sensor, info } = open::open(&context, &request.target)?;
-    let mapping = Mapping::new(&sensor.constants().unwrap_or_default());
+    let Opened { sensor, info, mapping } = open::open(&context, &request.target)?;
     link.opened(info.clone())?;
     stream::Streams::new(Rc::clone(&context), sensor, mapping, info).run(link)
 }
@@ -65,7 +61,12 @@ impl From<Unavailable> for DriverError {
 }
 
 /// Both images in the colour camera's geometry.
-fn rig() -> Rig {
-    let color = Intrinsics::pinhole(640, 480, FOCAL, FOCAL, 319.5, 239.5);
+fn rig(constants: &Constants) -> Rig {
+    let color = constants.color_camera().unwrap_or_else(usual_camera);
     Rig { color, depth: color, color_from_depth: Pose::identity() }
+}
+
+/// The colour camera where nothing is known of it.
+fn usual_camera() -> Intrinsics {
+    Intrinsics::pinhole(640, 480, 525.0, 525.0, 319.5, 239.5)
 }

@@ -2,10 +2,13 @@
 
 use std::rc::Rc;
 
+use super::depth::Mapping;
 use super::handle::{Context, Parts, Sensor, Which};
 use super::inbox;
 use super::mode::Format;
 use super::rig;
+use reconstruct::recording::Rig;
+
 use crate::advice;
 use crate::source::{Ability, SensorInfo};
 use crate::usb;
@@ -16,6 +19,7 @@ use crate::worker::DriverError;
 pub(super) struct Opened {
     pub(super) sensor: Sensor,
     pub(super) info: SensorInfo,
+    pub(super) mapping: Mapping,
 }
 
 /// Opens the sensor that `target` names: nothing for the first, `#2` for the second, or a serial number.
@@ -26,8 +30,9 @@ pub(super) fn open(context: &Rc<Context>, target: &str) -> Result<Opened, Driver
     // Asking for a motor that is driven otherwise, or is not there, makes the whole opening fail.
     for parts in [Parts::CamerasAndMotor, Parts::Cameras] {
         if let Some(sensor) = context.open(&which, parts)? {
-            let info = describe(context, &sensor, parts, &which, serial);
-            return Ok(Opened { sensor, info });
+            let constants = sensor.constants().unwrap_or_default();
+            let info = describe(context, &sensor, parts, &which, serial, rig(&constants));
+            return Ok(Opened { sensor, info, mapping: Mapping::new(&constants) });
         }
     }
     Err(DriverError::Failed(refusal(&inbox::take_lines())))
@@ -58,7 +63,14 @@ fn choose(count: usize, serials: &[String], target: &str) -> Result<(Which, Stri
     }
 }
 
-fn describe(context: &Context, sensor: &Sensor, parts: Parts, which: &Which, serial: String) -> SensorInfo {
+fn describe(
+    context: &Context,
+    sensor: &Sensor,
+    parts: Parts,
+    which: &Which,
+    serial: String,
+    rig: Rig,
+) -> SensorInfo {
     let mut abilities = Vec::new();
     if parts == Parts::CamerasAndMotor && !context.is_replay() {
         abilities.extend([Ability::Tilt, Ability::Led]);
@@ -80,15 +92,7 @@ fn describe(context: &Context, sensor: &Sensor, parts: Parts, which: &Which, ser
         Which::Serial(serial) => format!("freenect:{serial}"),
     };
     let model = if context.is_replay() { "a recorded Kinect".to_owned() } else { usb::kinect_model(&serial) };
-    SensorInfo {
-        backend: "freenect".into(),
-        address,
-        model,
-        serial,
-        rig: rig(),
-        units_per_metre: 1000.0,
-        abilities,
-    }
+    SensorInfo { backend: "freenect".into(), address, model, serial, rig, units_per_metre: 1000.0, abilities }
 }
 
 /// Why the library refused, from what it logged: libusb's name for it, or (older ones) its number at a line's end.

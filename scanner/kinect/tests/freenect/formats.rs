@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use kinect::freenect::depth::{Constants, FARTHEST, Mapping};
-use kinect::source::Frame;
+use kinect::freenect::depth::{Constants, FARTHEST, Mapping, Polynomial};
+use kinect::source::{Frame, Source};
 use kinect_testing::scene;
 
 use super::bus::{frame, on_bus, started};
@@ -58,9 +58,21 @@ fn registered_depth_is_the_library_s() {
         assert!(measured > 200_000, "frame {index}: {measured}");
     }
     // The table moves things: registered depth is not the raw one in millimetres.
-    let unmoved = Mapping::new(&Constants::default()).registered(&scene::raw_depth(0));
+    let flat =
+        Constants { across: Polynomial::default(), down: Polynomial::default(), ..Constants::default() };
+    let unmoved = Mapping::new(&flat).registered(&scene::raw_depth(0));
     let moved = unmoved.iter().zip(&ours[0].depth.data).filter(|(a, b)| a != b).count();
     assert!(moved > 100_000, "{moved}");
+}
+
+/// The simulated device's table is another than the one for unknown units.
+#[test]
+fn cameras_are_the_device_s_own() {
+    let Some(launch) = on_bus("freenect", "", &[("FRAMES", "1")]) else { return };
+    let source = started(launch);
+    let (own, usual) = (source.sensor().rig, Constants::default().color_camera().unwrap());
+    assert!((own.color.fx - 525.0).abs() < 10.0 && own.color.fx != usual.fx, "{own:?}");
+    assert_eq!(own.depth, own.color);
 }
 
 #[test]
