@@ -68,6 +68,8 @@ pub enum Command {
     Board(commands::board::Args),
     /// Bring in recordings and models of other programs
     Import(commands::import::Args),
+    /// Record what a sensor sends, every frame as it comes
+    Record(commands::record::Args),
     /// Record a product with a simulated Kinect, with the exact truth beside it
     Simulate(commands::simulate::Args),
     /// Publish a built model on a product server
@@ -97,6 +99,7 @@ pub fn run(cli: &Cli) -> anyhow::Result<u8> {
         Command::Build(args) => commands::build::run(args, &ui),
         Command::Board(args) => commands::board::run(args, &ui),
         Command::Import(args) => commands::import::run(args, &ui),
+        Command::Record(args) => commands::record::run(args, &ui),
         Command::Simulate(args) => commands::simulate::run(args, &ui),
         Command::Upload(args) => commands::upload::run(args, &ui),
         Command::Demo(args) => commands::demo::run(args, &ui),

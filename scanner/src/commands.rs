@@ -8,6 +8,7 @@ pub mod demo;
 pub mod devices;
 pub mod import;
 pub mod rebuild;
+pub mod record;
 pub mod resume;
 pub mod simulate;
 pub mod upload;

@@ -9,6 +9,7 @@ pub mod import;
 pub mod output;
 pub mod pictures;
 pub mod pipeline;
+pub mod record;
 pub mod recording;
 pub mod result;
 pub mod simulate;

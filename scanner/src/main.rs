@@ -16,8 +16,8 @@ fn main() -> ExitCode {
         return ExitCode::from(kinect::worker::run(args));
     }
     let interrupt = || {
-        // A capture ends in order, unless it is asked a second time.
-        if capture::ask_to_stop() {
+        // A capture ends in order and a recording is kept, unless it is asked a second time.
+        if capture::ask_to_stop() || commands::record::end_recording() {
             return;
         }
         output::remove_unfinished();

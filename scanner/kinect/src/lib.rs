@@ -54,7 +54,7 @@ pub fn open(address: &str) -> Result<Box<dyn Source>, SourceError> {
 }
 
 /// Whether a target of OpenNI2 means a recording; addresses of sensors are no paths that exist.
-pub(crate) fn is_recording(target: &str) -> bool {
+pub fn is_recording(target: &str) -> bool {
     let has_ending = Path::new(target).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("oni"));
     has_ending || Path::new(target).is_file()
 }

@@ -13,6 +13,7 @@
 mod device;
 mod library;
 mod stream;
+mod tap;
 
 use std::ffi::CString;
 use std::fs::File;

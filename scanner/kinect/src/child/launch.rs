@@ -94,6 +94,8 @@ impl Launch {
         // The libraries print on both: not a word of it may get between the program's own.
         let log = if std::env::var_os(LOG_VARIABLE).is_some() { Stdio::inherit } else { Stdio::null };
         command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(log());
+        // Ctrl-C is for the program, which ends its drivers itself, in order.
+        command.process_group(0);
         let number = inherited.as_raw_fd();
         let keep_open = move || {
             // SAFETY: open in the new process: it is a copy of this one, in which `inherited` lives until after the start.

@@ -3,6 +3,7 @@
 
 use std::ffi::{CStr, CString, c_int, c_void};
 use std::ptr;
+use std::sync::mpsc::{self, Receiver};
 use std::time::Duration;
 
 use super::library::{Library, Listed};
@@ -21,6 +22,9 @@ use crate::wire::Failure;
 /// it in about one of eight runs; with this pause none of hundreds did.
 const REST: Duration = Duration::from_millis(30);
 
+/// Images of a sensor that may wait to be sent: a third of a second, 15 MB.
+const WAITING: usize = 20;
+
 /// A device with a depth and a colour stream.
 pub(super) struct Device<'a> {
     library: &'a Library,
@@ -34,6 +38,8 @@ pub(super) struct Device<'a> {
     /// Whether its depth is delivered in the colour camera's geometry.
     pub(super) is_registered: bool,
     streams: Vec<Stream<'a>>,
+    /// Frames of a sensor, as its streams put them here.
+    frames: Option<Receiver<Pixels>>,
     is_streaming: bool,
 }
 
@@ -54,6 +60,7 @@ impl<'a> Device<'a> {
             serial: String::new(),
             is_registered: false,
             streams: Vec::new(),
+            frames: None,
             is_streaming: false,
         };
         device.identify()?;
@@ -64,6 +71,11 @@ impl<'a> Device<'a> {
             device.streams.push(stream);
         }
         device.set_registration();
+        if !device.is_file {
+            let (sender, frames) = mpsc::sync_channel(WAITING);
+            device.streams.iter_mut().try_for_each(|stream| stream.tap(sender.clone()))?;
+            device.frames = Some(frames);
+        }
         Ok(device)
     }
 
@@ -158,8 +170,15 @@ impl<'a> Device<'a> {
         }
     }
 
-    /// Waits for a frame of either stream and reads it; `None` where none came in time.
+    /// Waits for a frame of either stream and takes it; `None` where none came in time.
     pub(super) fn read(&self, patience: Duration) -> Result<Option<Pixels>, Failure> {
+        match &self.frames {
+            Some(frames) => Ok(frames.recv_timeout(patience).ok()),
+            None => self.read_file(patience),
+        }
+    }
+
+    fn read_file(&self, patience: Duration) -> Result<Option<Pixels>, Failure> {
         let mut handles: Vec<OniStreamHandle> = self.streams.iter().map(Stream::handle).collect();
         let mut ready: c_int = -1;
         let millis = patience.as_millis().min(60_000) as c_int;

@@ -2,11 +2,13 @@
 
 use std::ffi::{c_int, c_void};
 use std::ptr;
+use std::sync::mpsc::SyncSender;
 
 use reconstruct::camera::Intrinsics;
 use reconstruct::image::{ColorImage, DepthImage};
 
 use super::library::Library;
+use super::tap::Tap;
 use crate::sys::openni2::{
     ONI_STREAM_PROPERTY_HORIZONTAL_FOV, ONI_STREAM_PROPERTY_MIRRORING, ONI_STREAM_PROPERTY_VERTICAL_FOV,
     ONI_STREAM_PROPERTY_VIDEO_MODE, OniDeviceHandle, OniFrame, OniPixelFormat,
@@ -40,6 +42,13 @@ pub(super) enum Pixels {
 pub(super) struct Stream<'a> {
     library: &'a Library,
     handle: OniStreamHandle,
+    format: Format,
+    tap: Option<Tap<'a>>,
+}
+
+/// What the frames of a stream look like.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Format {
     kind: Kind,
     mode: OniVideoMode,
     is_mirrored: bool,
@@ -62,23 +71,24 @@ impl<'a> Stream<'a> {
         let status = unsafe { (library.api().oniDeviceCreateStream)(device, sensor, &raw mut handle) };
         library.check(kind.make_words(), status)?;
         let mode = OniVideoMode { pixelFormat: 0, resolutionX: 0, resolutionY: 0, fps: 0 };
-        let mut stream = Self { library, handle, kind, mode, is_mirrored: false };
+        let format = Format { kind, mode, is_mirrored: false };
+        let mut stream = Self { library, handle, format, tap: None };
         if is_live {
             stream.choose_mode();
             let off: c_int = 0;
             // What a driver cannot set is read below and undone by turning the pictures ourselves.
             let _ = stream.set(ONI_STREAM_PROPERTY_MIRRORING, &off);
         }
-        stream.is_mirrored = stream.get(ONI_STREAM_PROPERTY_MIRRORING, 0 as c_int).is_some_and(|v| v != 0);
-        stream.mode = stream
-            .get(ONI_STREAM_PROPERTY_VIDEO_MODE, stream.mode)
+        stream.format.is_mirrored = stream.get(ONI_STREAM_PROPERTY_MIRRORING, 0 as c_int).is_some_and(|v| v != 0);
+        stream.format.mode = stream
+            .get(ONI_STREAM_PROPERTY_VIDEO_MODE, mode)
             .filter(OniVideoMode::is_plausible)
             .ok_or_else(|| Failure::Other(format!("its {} has no size that could be", kind.words())))?;
-        if !kind.formats().contains(&stream.mode.pixelFormat) {
+        if !kind.formats().contains(&stream.format.mode.pixelFormat) {
             return Err(Failure::Refused(format!(
                 "its {} has pixels of OpenNI2's format {}; record depth in millimetres and colour as RGB888",
                 kind.words(),
-                stream.mode.pixelFormat
+                stream.format.mode.pixelFormat
             )));
         }
         Ok(stream)
@@ -96,10 +106,10 @@ impl<'a> Stream<'a> {
         let count = info.numSupportedVideoModes as usize;
         // SAFETY: the library keeps a list of as many modes.
         let modes = unsafe { std::slice::from_raw_parts(info.pSupportedVideoModes, count) };
-        let usable = modes.iter().filter(|mode| self.kind.formats().contains(&mode.pixelFormat));
+        let usable = modes.iter().filter(|mode| self.format.kind.formats().contains(&mode.pixelFormat));
         let away = |mode: &&OniVideoMode| {
             let size = (mode.resolutionX - 640).abs() + (mode.resolutionY - 480).abs();
-            let format = self.kind.formats().iter().position(|format| *format == mode.pixelFormat);
+            let format = self.format.kind.formats().iter().position(|format| *format == mode.pixelFormat);
             (size, (mode.fps - 30).abs(), format)
         };
         if let Some(best) = usable.min_by_key(away) {
@@ -113,12 +123,12 @@ impl<'a> Stream<'a> {
 
     /// Depth units in a metre.
     pub(super) fn units_per_metre(&self) -> f64 {
-        if self.mode.pixelFormat == DEPTH_100_UM { 10_000.0 } else { 1000.0 }
+        self.format.units_per_metre()
     }
 
     /// The camera by its field of view: ideal, looking through the middle.
     pub(super) fn camera(&self) -> Intrinsics {
-        let (width, height) = (self.mode.resolutionX as u32, self.mode.resolutionY as u32);
+        let (width, height) = (self.format.mode.resolutionX as u32, self.format.mode.resolutionY as u32);
         let half = |property| {
             let angle = self.get(property, 0f32).map(|angle| f64::from(angle) / 2.0);
             angle.filter(|half| (0.05..1.5).contains(half))
@@ -132,10 +142,17 @@ impl<'a> Stream<'a> {
         Intrinsics::pinhole(width, height, fx, fy, middle(width), middle(height))
     }
 
+    /// From now on every frame is read by the driver's own thread as it comes and goes into `frames`, where it is kept
+    /// until somebody has time for it: the library itself keeps one frame only, and the next one takes its place.
+    pub(super) fn tap(&mut self, frames: SyncSender<Pixels>) -> Result<(), Failure> {
+        self.tap = Some(Tap::open(self.library, self.handle, self.format, frames)?);
+        Ok(())
+    }
+
     pub(super) fn start(&self) -> Result<(), Failure> {
         // SAFETY: the stream lives.
         let status = unsafe { (self.library.api().oniStreamStart)(self.handle) };
-        self.library.check(self.kind.start_words(), status)
+        self.library.check(self.format.kind.start_words(), status)
     }
 
     pub(super) fn stop(&self) {
@@ -145,25 +162,82 @@ impl<'a> Stream<'a> {
 
     /// The frame that is ready; `None` where there was none after all, or one of another shape than the stream's.
     pub(super) fn read(&self) -> Result<Option<Pixels>, Failure> {
-        let mut frame = ptr::null_mut();
-        // SAFETY: the stream lives, the pointer is written.
-        let status = unsafe { (self.library.api().oniStreamReadFrame)(self.handle, &raw mut frame) };
-        self.library.check("read a frame", status)?;
-        if frame.is_null() {
-            return Ok(None);
+        read(self.library, self.handle, self.format)
+    }
+
+    pub(super) fn is_supported(&self, property: u32) -> bool {
+        // SAFETY: the stream lives.
+        unsafe { (self.library.api().oniStreamIsPropertySupported)(self.handle, property as c_int) != 0 }
+    }
+
+    pub(super) fn set<T>(&self, property: u32, value: &T) -> OniStatus {
+        let data = ptr::from_ref(value).cast::<c_void>();
+        // SAFETY: the stream lives, the data has the size that is said.
+        unsafe {
+            (self.library.api().oniStreamSetProperty)(
+                self.handle,
+                property as c_int,
+                data,
+                size_of::<T>() as c_int,
+            )
         }
-        let frame = Lent { library: self.library, frame };
-        // SAFETY: a frame that was read is the reader's until it is released.
-        let described = unsafe { &*frame.frame };
-        if !self.is_expected(described) {
-            return Ok(None);
-        }
-        // SAFETY: the data has as many bytes as the frame says, checked to be positive, and stays until the release.
-        let bytes = unsafe {
-            std::slice::from_raw_parts(described.data.cast::<u8>().cast_const(), described.dataSize as usize)
+    }
+
+    fn get<T: Copy>(&self, property: u32, empty: T) -> Option<T> {
+        let (mut value, mut size) = (empty, size_of::<T>() as c_int);
+        // SAFETY: the stream lives, the library writes up to `size` bytes.
+        let status = unsafe {
+            (self.library.api().oniStreamGetProperty)(
+                self.handle,
+                property as c_int,
+                (&raw mut value).cast(),
+                &raw mut size,
+            )
         };
-        let stride = described.stride as usize;
-        Ok(self.copy(bytes, stride, described.timestamp.saturating_mul(1000)))
+        (status == 0 && size as usize == size_of::<T>()).then_some(value)
+    }
+}
+
+impl Drop for Stream<'_> {
+    fn drop(&mut self) {
+        self.tap = None;
+        // SAFETY: made in `create`, not used any more.
+        unsafe { (self.library.api().oniStreamDestroy)(self.handle) };
+    }
+}
+
+impl Kind {
+    fn words(self) -> &'static str {
+        if self == Self::Depth { "depth" } else { "colour" }
+    }
+
+    fn make_words(self) -> &'static str {
+        if self == Self::Depth { "make a depth stream" } else { "make a colour stream" }
+    }
+
+    fn start_words(self) -> &'static str {
+        if self == Self::Depth { "start the depth stream" } else { "start the colour stream" }
+    }
+
+    fn bytes_per_pixel(self) -> usize {
+        if self == Self::Depth { 2 } else { 3 }
+    }
+
+    /// Pixel formats that are understood, the best one first.
+    fn formats(self) -> &'static [OniPixelFormat] {
+        if self == Self::Depth { &[DEPTH_1_MM, DEPTH_100_UM] } else { &[RGB888] }
+    }
+}
+
+impl OniVideoMode {
+    fn is_plausible(&self) -> bool {
+        (1..=MOST_PIXELS).contains(&self.resolutionX) && (1..=MOST_PIXELS).contains(&self.resolutionY)
+    }
+}
+
+impl Format {
+    fn units_per_metre(&self) -> f64 {
+        if self.mode.pixelFormat == DEPTH_100_UM { 10_000.0 } else { 1000.0 }
     }
 
     fn is_expected(&self, frame: &OniFrame) -> bool {
@@ -204,74 +278,32 @@ impl<'a> Stream<'a> {
             }
         })
     }
-
-    pub(super) fn is_supported(&self, property: u32) -> bool {
-        // SAFETY: the stream lives.
-        unsafe { (self.library.api().oniStreamIsPropertySupported)(self.handle, property as c_int) != 0 }
-    }
-
-    pub(super) fn set<T>(&self, property: u32, value: &T) -> OniStatus {
-        let data = ptr::from_ref(value).cast::<c_void>();
-        // SAFETY: the stream lives, the data has the size that is said.
-        unsafe {
-            (self.library.api().oniStreamSetProperty)(
-                self.handle,
-                property as c_int,
-                data,
-                size_of::<T>() as c_int,
-            )
-        }
-    }
-
-    fn get<T: Copy>(&self, property: u32, empty: T) -> Option<T> {
-        let (mut value, mut size) = (empty, size_of::<T>() as c_int);
-        // SAFETY: the stream lives, the library writes up to `size` bytes.
-        let status = unsafe {
-            (self.library.api().oniStreamGetProperty)(
-                self.handle,
-                property as c_int,
-                (&raw mut value).cast(),
-                &raw mut size,
-            )
-        };
-        (status == 0 && size as usize == size_of::<T>()).then_some(value)
-    }
 }
 
-impl Drop for Stream<'_> {
-    fn drop(&mut self) {
-        // SAFETY: made in `create`, not used any more.
-        unsafe { (self.library.api().oniStreamDestroy)(self.handle) };
+/// Reads the frame of a stream that is ready; `None` where there is none, or one of another format.
+pub(super) fn read(
+    library: &Library,
+    stream: OniStreamHandle,
+    format: Format,
+) -> Result<Option<Pixels>, Failure> {
+    let mut frame = ptr::null_mut();
+    // SAFETY: the stream lives, the pointer is written.
+    let status = unsafe { (library.api().oniStreamReadFrame)(stream, &raw mut frame) };
+    library.check("read a frame", status)?;
+    if frame.is_null() {
+        return Ok(None);
     }
-}
-
-impl Kind {
-    fn words(self) -> &'static str {
-        if self == Self::Depth { "depth" } else { "colour" }
+    let frame = Lent { library, frame };
+    // SAFETY: a frame that was read is the reader's until it is released.
+    let described = unsafe { &*frame.frame };
+    if !format.is_expected(described) {
+        return Ok(None);
     }
-
-    fn make_words(self) -> &'static str {
-        if self == Self::Depth { "make a depth stream" } else { "make a colour stream" }
-    }
-
-    fn start_words(self) -> &'static str {
-        if self == Self::Depth { "start the depth stream" } else { "start the colour stream" }
-    }
-
-    fn bytes_per_pixel(self) -> usize {
-        if self == Self::Depth { 2 } else { 3 }
-    }
-
-    /// Pixel formats that are understood, the best one first.
-    fn formats(self) -> &'static [OniPixelFormat] {
-        if self == Self::Depth { &[DEPTH_1_MM, DEPTH_100_UM] } else { &[RGB888] }
-    }
-}
-
-impl OniVideoMode {
-    fn is_plausible(&self) -> bool {
-        (1..=MOST_PIXELS).contains(&self.resolutionX) && (1..=MOST_PIXELS).contains(&self.resolutionY)
-    }
+    // SAFETY: the data has as many bytes as the frame says, checked to be positive, and stays until the release.
+    let bytes = unsafe {
+        std::slice::from_raw_parts(described.data.cast::<u8>().cast_const(), described.dataSize as usize)
+    };
+    Ok(format.copy(bytes, described.stride as usize, described.timestamp.saturating_mul(1000)))
 }
 
 /// A frame that belongs to the library and is given back.
