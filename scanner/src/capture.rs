@@ -14,6 +14,7 @@ pub mod live;
 pub mod model;
 pub mod preview;
 pub mod refusal;
+pub mod replay;
 pub mod sensors;
 pub mod session;
 pub mod simulated;

@@ -21,6 +21,7 @@ pub use error::RecordError;
 pub use usage::{Usage, usage};
 
 use crate::capture::journal::free_bytes;
+use crate::capture::replay::is_replay;
 use crate::output::OutputError;
 use crate::recording::RecordingWriter;
 use space::Space;
@@ -72,7 +73,7 @@ impl Plan {
 /// Whether an address is that of a recording, which can wait, rather than of a sensor.
 pub fn is_file(address: &str) -> bool {
     let target = address.strip_prefix("openni2:").unwrap_or_default();
-    address.starts_with("replay:") || kinect::is_recording(target)
+    is_replay(address) || kinect::is_recording(target)
 }
 
 /// What was recorded.

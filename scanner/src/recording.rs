@@ -118,7 +118,8 @@ impl Recording {
         Ok(ViewImages { name: view.name.clone(), color, depths })
     }
 
-    fn load_color(&self, path: &str) -> Result<ColorImage, RecordingError> {
+    /// Decodes a colour picture that the description names, unflipped where mirrored.
+    pub fn load_color(&self, path: &str) -> Result<ColorImage, RecordingError> {
         let camera = &self.file.color;
         let bytes = read_limited(&self.folder, path, MAX_PICTURE_BYTES)?;
         let image = pictures::decode_color(&bytes, camera.width as usize, camera.height as usize)
@@ -126,7 +127,8 @@ impl Recording {
         Ok(if self.file.mirrored { image.mirrored() } else { image })
     }
 
-    fn load_depth(&self, path: &str) -> Result<DepthImage, RecordingError> {
+    /// Decodes a depth picture that the description names, unflipped where mirrored.
+    pub fn load_depth(&self, path: &str) -> Result<DepthImage, RecordingError> {
         let camera = &self.file.depth;
         let bytes = read_limited(&self.folder, path, MAX_PICTURE_BYTES)?;
         let (width, height) = (camera.intrinsics.width as usize, camera.intrinsics.height as usize);

@@ -3,6 +3,7 @@
 use kinect::source::{Ability, Source, SourceError};
 use reconstruct::board::KnownBoard;
 
+use super::replay::{Replay, is_replay};
 use super::simulated::{Simulated, is_simulated};
 use super::state::{LibraryEntry, SensorEntry};
 
@@ -34,6 +35,9 @@ impl Opener for ThisComputer {
     fn open(&self, address: &str, board: Option<&KnownBoard>) -> Result<Box<dyn Source>, SourceError> {
         if is_simulated(address) {
             return Ok(Box::new(Simulated::open(address, board)?));
+        }
+        if is_replay(address) {
+            return Ok(Box::new(Replay::open(address)?));
         }
         kinect::open(address)
     }

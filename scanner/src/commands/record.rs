@@ -43,7 +43,9 @@ pub struct Args {
 
 fn seconds(text: &str) -> Result<Duration, String> {
     let value = text.parse().ok().filter(|seconds| (0.1..=86_400.0).contains(seconds));
-    value.map(Duration::from_secs_f64).ok_or_else(|| "a number of seconds from 0.1 to 86400 is needed".to_owned())
+    value
+        .map(Duration::from_secs_f64)
+        .ok_or_else(|| "a number of seconds from 0.1 to 86400 is needed".to_owned())
 }
 
 /// Set by Ctrl-C.
@@ -66,7 +68,9 @@ pub fn run(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
     ui.note(&format!("{}: recording to {}", source.sensor().model, args.out.display()));
     let stage = ui.stage("recording", whole_seconds);
     let shown = std::cell::Cell::new(0);
-    let show = |passed: Duration| stage.advance(passed.as_secs() - shown.replace(passed.as_secs()).min(passed.as_secs()));
+    let show = |passed: Duration| {
+        stage.advance(passed.as_secs() - shown.replace(passed.as_secs()).min(passed.as_secs()))
+    };
     let before = record::usage();
     let started = std::time::Instant::now();
     RECORDING.store(true, Ordering::SeqCst);
@@ -83,7 +87,11 @@ pub fn run(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
 /// Peak memory is that of the whole run.
 fn used_since(before: Usage) -> Usage {
     let now = record::usage();
-    Usage { cpu: now.cpu.saturating_sub(before.cpu), drivers_cpu: now.drivers_cpu - before.drivers_cpu, ..now }
+    Usage {
+        cpu: now.cpu.saturating_sub(before.cpu),
+        drivers_cpu: now.drivers_cpu - before.drivers_cpu,
+        ..now
+    }
 }
 
 fn say(args: &Args, recorded: &Recorded, used: &Usage, took: Duration, ui: &Ui) {

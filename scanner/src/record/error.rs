@@ -16,7 +16,9 @@ pub enum RecordError {
     #[error("nothing was recorded: {0}; check the sensor and record again")]
     NoFrames(String),
     /// Too little space to begin with.
-    #[error("only {free_megabytes} MB are free there, and {need_megabytes} MB are needed; free some space or name another folder")]
+    #[error(
+        "only {free_megabytes} MB are free there, and {need_megabytes} MB are needed; free some space or name another folder"
+    )]
     NoSpace {
         /// What there is.
         free_megabytes: u64,

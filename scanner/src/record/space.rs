@@ -27,9 +27,11 @@ pub(super) struct Space {
 
 impl Space {
     pub(super) fn new(plan: &Plan) -> Self {
-        let pixels = |camera: &reconstruct::camera::Intrinsics| f64::from(camera.width) * f64::from(camera.height);
+        let pixels =
+            |camera: &reconstruct::camera::Intrinsics| f64::from(camera.width) * f64::from(camera.height);
         let frame = (pixels(&plan.rig.color) * 3.0 + pixels(&plan.rig.depth) * 2.0) * WORST;
-        let planned = plan.most.map(|most| (frame * RATE * most.as_secs_f64() / plan.every.max(1) as f64) as u64);
+        let planned =
+            plan.most.map(|most| (frame * RATE * most.as_secs_f64() / plan.every.max(1) as f64) as u64);
         Self { folder: plan.out.clone(), free_bytes: plan.free_bytes, planned, asked_at: Cell::new(None) }
     }
 

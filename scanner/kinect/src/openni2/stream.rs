@@ -79,7 +79,8 @@ impl<'a> Stream<'a> {
             // What a driver cannot set is read below and undone by turning the pictures ourselves.
             let _ = stream.set(ONI_STREAM_PROPERTY_MIRRORING, &off);
         }
-        stream.format.is_mirrored = stream.get(ONI_STREAM_PROPERTY_MIRRORING, 0 as c_int).is_some_and(|v| v != 0);
+        stream.format.is_mirrored =
+            stream.get(ONI_STREAM_PROPERTY_MIRRORING, 0 as c_int).is_some_and(|v| v != 0);
         stream.format.mode = stream
             .get(ONI_STREAM_PROPERTY_VIDEO_MODE, mode)
             .filter(OniVideoMode::is_plausible)

@@ -40,7 +40,12 @@ impl<'a> Tap<'a> {
         let mut callback = ptr::null_mut();
         // SAFETY: the stream lives; the cookie is the boxed spout, which lives until the callback was unregistered.
         let status = unsafe {
-            (library.api().oniStreamRegisterNewFrameCallback)(stream, Some(on_frame), cookie, &raw mut callback)
+            (library.api().oniStreamRegisterNewFrameCallback)(
+                stream,
+                Some(on_frame),
+                cookie,
+                &raw mut callback,
+            )
         };
         library.check("watch a stream", status)?;
         Ok(Self { library, stream, callback, _spout: spout })
