@@ -14,5 +14,6 @@ mod interrupt;
 mod method_source;
 mod repeatable;
 mod secrets;
+mod sensors;
 pub(crate) mod support;
 mod usage;

@@ -2,8 +2,10 @@
 
 pub mod bop;
 mod error;
+pub mod fakenect;
 mod folder;
 pub mod model;
+pub mod oni;
 pub mod pairs;
 pub mod seven_scenes;
 pub mod trajectory;
@@ -31,6 +33,8 @@ pub enum Kind {
     Bop,
     /// 7-Scenes: frame-000000.color.png, .depth.png, .pose.txt
     SevenScenes,
+    /// Dump of libfreenect's fakenect-record: INDEX.txt, d-*.pgm, r-*.ppm
+    Fakenect,
     /// Pairs of pictures: NAME_rgb.png with NAME_depth.png, or folders color/ and depth/
     Pairs,
 }
@@ -95,6 +99,9 @@ pub fn detect(folder: &Path) -> Option<Kind> {
     if folder.join("scene_camera.json").is_file() {
         return Some(Kind::Bop);
     }
+    if fakenect::is_one(folder) {
+        return Some(Kind::Fakenect);
+    }
     if seven_scenes::is_one(folder) {
         return Some(Kind::SevenScenes);
     }
@@ -107,6 +114,7 @@ pub fn read(kind: Kind, folder: &Path) -> Result<Source, ImportError> {
         Kind::Tum => tum::read(folder),
         Kind::Bop => bop::read(folder),
         Kind::SevenScenes => seven_scenes::read(folder),
+        Kind::Fakenect => fakenect::read(folder),
         Kind::Pairs => pairs::read(folder),
     }
 }
@@ -193,7 +201,8 @@ fn rig(source: &Source, options: &Options, first: &SourceFrame) -> Result<Rig, I
 }
 
 fn picture_size(path: &Path) -> Result<PictureSize, ImportError> {
-    pictures::size(&read_file(path)?).map_err(|source| ImportError::Picture { path: path.to_owned(), source })
+    pictures::size(&read_picture(path)?)
+        .map_err(|source| ImportError::Picture { path: path.to_owned(), source })
 }
 
 /// Copies a pair; every picture is decoded once, so that a broken one is found now.
@@ -207,7 +216,7 @@ fn copy_frame(
         let path = path.to_owned();
         move |source| ImportError::Picture { path, source }
     };
-    let (color, mut depth) = (read_file(&frame.color)?, read_file(&frame.depth)?);
+    let (color, mut depth) = (read_picture(&frame.color)?, read_picture(&frame.depth)?);
     let size = (rig.color.width as usize, rig.color.height as usize);
     pictures::decode_color(&color, size.0, size.1).map_err(bad(&frame.color))?;
     let size = (rig.depth.width as usize, rig.depth.height as usize);
@@ -234,6 +243,12 @@ fn read_file(path: &Path) -> Result<Vec<u8>, ImportError> {
         return Err(ImportError::NotAFile(path.to_owned()));
     }
     fs::read(path).map_err(unreadable)
+}
+
+/// A picture as PNG or JPEG; those of libfreenect's dumps become PNG.
+fn read_picture(path: &Path) -> Result<Vec<u8>, ImportError> {
+    let bytes = read_file(path)?;
+    fakenect::to_png(path, &bytes).unwrap_or(Ok(bytes))
 }
 
 fn read_text(path: &Path) -> Result<String, ImportError> {

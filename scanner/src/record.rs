@@ -15,7 +15,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use kinect::source::{Event, Frame, Source};
-use reconstruct::recording::{Device, Rig};
+use reconstruct::recording::{Device, FrameEntry, Rig};
 
 pub use error::RecordError;
 pub use usage::{Usage, usage};
@@ -49,6 +49,10 @@ pub struct Plan {
     pub every: usize,
     /// Whether frames that come too fast are dropped; a file can wait.
     pub may_drop: bool,
+    /// Whether what was recorded before the sensor failed is of use.
+    pub keeps_part: bool,
+    /// The pictures are stored flipped left-right.
+    pub is_mirrored: bool,
     /// Free space of the disk under a path, bytes.
     pub free_bytes: fn(&Path) -> std::io::Result<u64>,
 }
@@ -65,6 +69,8 @@ impl Plan {
             most: None,
             every: 1,
             may_drop: !is_file(&sensor.address),
+            keeps_part: true,
+            is_mirrored: false,
             free_bytes,
         }
     }
@@ -83,6 +89,8 @@ pub struct Recorded {
     pub frames: usize,
     /// Frames that were lost on this side: no room in the queue, or not taken from the driver in time.
     pub dropped: u64,
+    /// Frames that never came, by the gaps between the times of those that did; with `every` above 1 not known: 0.
+    pub missing: u64,
     /// Packets that the sensor lost.
     pub lost_packets: u64,
     /// From the first to the last frame, by the sensor's clock.
@@ -143,14 +151,19 @@ pub fn record(
     if written.entries.is_empty() {
         return Err(RecordError::NoFrames(nothing_because(&end)));
     }
+    if !plan.keeps_part && !end.is_as_wished() {
+        return Err(RecordError::Part(nothing_because(&end)));
+    }
     let frames = written.entries.len();
+    writer.set_mirrored(plan.is_mirrored);
+    let missing = if plan.every <= 1 { missing(&written.entries) } else { 0 };
     for entry in written.entries {
         writer.push_stream_frame(entry);
     }
     writer.finish()?;
     let length = Duration::from_nanos(taken.last_nanos - taken.first_nanos.unwrap_or(taken.last_nanos));
     let Taken { dropped, lost_packets, .. } = taken;
-    Ok(Recorded { frames, dropped, lost_packets, length, bytes: written.bytes, end })
+    Ok(Recorded { frames, dropped, missing, lost_packets, length, bytes: written.bytes, end })
 }
 
 /// What has been taken from the sensor.
@@ -218,6 +231,17 @@ fn fits(frame: &Frame, rig: &Rig) -> bool {
     let size = |width: usize, height: usize| (width as u32, height as u32);
     size(frame.color.width, frame.color.height) == (rig.color.width, rig.color.height)
         && size(frame.depth.width, frame.depth.height) == (rig.depth.width, rig.depth.height)
+}
+
+/// Frames that are missing between others: how many more of the usual steps each gap has.
+fn missing(entries: &[FrameEntry]) -> u64 {
+    let mut steps: Vec<u64> = entries
+        .windows(2)
+        .map(|pair| pair[1].timestamp_nanos.saturating_sub(pair[0].timestamp_nanos))
+        .collect();
+    steps.sort_unstable();
+    let usual = steps.get(steps.len() / 2).copied().unwrap_or_default().max(1);
+    steps.iter().map(|step| ((step + usual / 2) / usual).saturating_sub(1)).sum()
 }
 
 fn nothing_because(end: &End) -> String {

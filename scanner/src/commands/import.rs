@@ -7,7 +7,7 @@ use reconstruct::pose::{self, Pose};
 use serde_json::json;
 
 use crate::cli::DONE;
-use crate::import::{self, ImportError, Kind, Options, model};
+use crate::import::{self, ImportError, Kind, Options, Written, model, oni};
 use crate::result;
 use crate::ui::Ui;
 
@@ -17,6 +17,8 @@ Examples:
   scan-product import photos --out rec --mirrored \\
       --color-camera 529.2,525.6,328.9,267.5 --depth-camera 594.2,591.0,339.3,242.7 \\
       --color-from-depth 0.02,-0.0007,-0.0109      pairs NAME_rgb.png, NAME_depth.png
+  scan-product import walk.oni --out rec                          OpenNI's recording, by libOpenNI2
+  scan-product import dump --out rec                              libfreenect's, of fakenect-record
   scan-product import model.asc --out out                       a model: .asc, .ply, .pcd or .glb
 
 Poses that come with the data are kept beside as poses.json, for comparison; build does not use them.";
@@ -25,7 +27,7 @@ Poses that come with the data are kept beside as poses.json, for comparison; bui
 #[derive(Debug, clap::Args)]
 #[command(after_help = AFTER_HELP)]
 pub struct Args {
-    /// Folder of pictures, or a model file
+    /// Folder of pictures, a recording (.oni) or a model file
     source: PathBuf,
     /// Folder to write the recording (or the model's files) into
     #[arg(long, value_name = "DIR")]
@@ -65,7 +67,11 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
-    if args.source.is_file() { run_model(args, ui) } else { run_folder(args, ui) }
+    match args.source.is_file() {
+        true if oni::is_one(&args.source) => run_oni(args, ui),
+        true => run_model(args, ui),
+        false => run_folder(args, ui),
+    }
 }
 
 fn run_model(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
@@ -75,6 +81,17 @@ fn run_model(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
     let (points, triangles) = (mesh.vertices.len(), mesh.triangles.len());
     let words = format!("{points} points and {triangles} triangles, written to {}", args.out.display());
     ui.result(&words, &json!({"out": args.out, "points": points, "triangles": triangles}));
+    Ok(DONE)
+}
+
+fn run_oni(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
+    if args.stream == Some(false) {
+        bail!("a recording of OpenNI is one moving stream; leave --stream out");
+    }
+    let stage = ui.stage("Copying frames", 0);
+    let written = oni::import(&args.source, &options(args), &args.out, || stage.step())?;
+    stage.done();
+    say(args, &written, ui);
     Ok(DONE)
 }
 
@@ -89,7 +106,16 @@ fn run_folder(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
     }
     let mut source = import::read(kind, &args.source)?;
     source.is_stream = args.stream.unwrap_or(source.is_stream);
-    let options = Options {
+    let options = options(args);
+    let stage = ui.stage("Copying pictures", source.frames.len().div_ceil(options.every));
+    let written = import::write(&source, &options, &args.out, || stage.step())?;
+    stage.done();
+    say(args, &written, ui);
+    Ok(DONE)
+}
+
+fn options(args: &Args) -> Options {
+    Options {
         color_camera: args.color_camera,
         depth_camera: args.depth_camera,
         color_distortion: args.color_distortion,
@@ -98,10 +124,10 @@ fn run_folder(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
         units_per_metre: args.units_per_metre,
         mirrored: args.mirrored,
         every: args.every as usize,
-    };
-    let stage = ui.stage("Copying pictures", source.frames.len().div_ceil(options.every));
-    let written = import::write(&source, &options, &args.out, || stage.step())?;
-    stage.done();
+    }
+}
+
+fn say(args: &Args, written: &Written, ui: &Ui) {
     let words = format!(
         "{} pairs of pictures ({} with poses), written to {}\nNext: scan-product build {} --out out",
         written.frames,
@@ -110,7 +136,6 @@ fn run_folder(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
         args.out.display()
     );
     ui.result(&words, &json!({"out": args.out, "frames": written.frames, "poses": written.poses}));
-    Ok(DONE)
 }
 
 fn list(text: &str) -> Result<Vec<f64>, String> {

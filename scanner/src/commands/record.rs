@@ -95,7 +95,7 @@ fn used_since(before: Usage) -> Usage {
 }
 
 fn say(args: &Args, recorded: &Recorded, used: &Usage, took: Duration, ui: &Ui) {
-    let Recorded { frames, dropped, lost_packets, length, bytes, end } = recorded;
+    let Recorded { frames, dropped, missing, lost_packets, length, bytes, end } = recorded;
     let out = args.out.display();
     let ended = match end {
         End::TimeIsUp | End::SourceEnded | End::Stopped => None,
@@ -109,6 +109,12 @@ fn say(args: &Args, recorded: &Recorded, used: &Usage, took: Duration, ui: &Ui) 
     if *dropped > 0 {
         ui.warn(&format!("{dropped} frames were dropped: this computer or its disk is too slow or too busy"));
     }
+    if *missing > *dropped {
+        ui.warn(&format!(
+            "{} more frames never came: the sensor or its driver left them out",
+            missing - dropped
+        ));
+    }
     if *lost_packets > 0 {
         ui.warn(&format!("the sensor lost {lost_packets} packets; use another USB port, without a hub"));
     }
@@ -120,7 +126,8 @@ fn say(args: &Args, recorded: &Recorded, used: &Usage, took: Duration, ui: &Ui) 
     ui.result(
         &words,
         &json!({
-            "out": args.out, "frames": frames, "dropped": dropped, "lost_packets": lost_packets,
+            "out": args.out, "frames": frames, "dropped": dropped, "missing": missing,
+            "lost_packets": lost_packets,
             "seconds": length.as_secs_f64(), "bytes": bytes, "complete": ended.is_none(), "ended": ended,
             "wall_seconds": took.as_secs_f64(), "cpu_seconds": used.cpu.as_secs_f64(),
             "driver_cpu_seconds": used.drivers_cpu.as_secs_f64(), "peak_memory_bytes": used.peak_memory_bytes,

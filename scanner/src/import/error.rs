@@ -3,10 +3,12 @@
 use std::io;
 use std::path::PathBuf;
 
+use kinect::source::SourceError;
 use reconstruct::model_file::ModelError;
 
 use crate::output::OutputError;
 use crate::pictures::PictureError;
+use crate::record::RecordError;
 use crate::recording::RecordingError;
 
 /// Why a source cannot be brought in; each says what to do.
@@ -15,7 +17,7 @@ pub enum ImportError {
     /// None of the known kinds.
     #[error(
         "{} is no folder or model that is understood; name a TUM, BOP or 7-Scenes folder, a folder with NAME_rgb.png and \
-         NAME_depth.png (or color/ and depth/), or a file .asc, .ply, .pcd, .glb",
+         NAME_depth.png (or color/ and depth/), a dump of fakenect-record, or a file .oni, .asc, .ply, .pcd, .glb",
         .0.display()
     )]
     NotRecognised(PathBuf),
@@ -97,6 +99,22 @@ pub enum ImportError {
         path: PathBuf,
         /// What is wrong with it.
         source: ModelError,
+    },
+    /// A recording that cannot be opened.
+    #[error("{} cannot be played: {source}", .path.display())]
+    Sensor {
+        /// Which.
+        path: PathBuf,
+        /// What is wrong, with what to do.
+        source: SourceError,
+    },
+    /// A recording that cannot be played to its end or written.
+    #[error("{} cannot be brought in: {source}", .path.display())]
+    Record {
+        /// Which.
+        path: PathBuf,
+        /// What is wrong, with what to do.
+        source: Box<RecordError>,
     },
     /// The result cannot be written.
     #[error(transparent)]

@@ -15,6 +15,9 @@ pub enum RecordError {
     /// Nothing came.
     #[error("nothing was recorded: {0}; check the sensor and record again")]
     NoFrames(String),
+    /// Only a part came, and a part is of no use.
+    #[error("it ended early: {0}; nothing was kept")]
+    Part(String),
     /// Too little space to begin with.
     #[error(
         "only {free_megabytes} MB are free there, and {need_megabytes} MB are needed; free some space or name another folder"

@@ -91,6 +91,7 @@ fn every_frame_is_kept_as_it_came() {
     let (home, recorded) = recorded(&mut Told::new(frames(40)), |_| ());
     let recorded = recorded.unwrap();
     assert_eq!((recorded.frames, recorded.dropped, &recorded.end), (40, 0, &End::SourceEnded));
+    assert_eq!(recorded.missing, 0);
     assert_eq!(recorded.length, Duration::from_nanos(39 * FRAME));
     let recording = Recording::open(&home.path().join("rec")).unwrap();
     assert!(recording.is_stream());
@@ -189,4 +190,21 @@ fn stopping_keeps_what_there_is() {
     });
     let recorded = recorded.unwrap();
     assert_eq!((recorded.frames, recorded.end), (10, End::Stopped));
+}
+
+#[test]
+fn gaps_in_time_are_missing_frames() {
+    let events = (0..20).filter(|i| ![4, 9, 10, 11].contains(i)).map(|i| Event::Frame(Arc::new(frame(i))));
+    let (_home, recorded) = recorded(&mut Told::new(events), |_| ());
+    let recorded = recorded.unwrap();
+    assert_eq!((recorded.frames, recorded.missing, recorded.dropped), (16, 4, 0));
+}
+
+#[test]
+fn a_part_that_is_of_no_use_is_not_kept() {
+    let (home, recorded) = recorded(&mut Told::new(frames(5).chain([Event::Unplugged])), |plan| {
+        plan.keeps_part = false;
+    });
+    assert!(matches!(recorded, Err(RecordError::Part(_))), "{recorded:?}");
+    assert_eq!(std::fs::read_dir(home.path()).unwrap().count(), 0);
 }
