@@ -1,11 +1,11 @@
 //! Whether the libraries are there: asked of a process of its own, for opening one runs its code.
 
-use std::path::PathBuf;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
 use super::Library;
+#[cfg(any(feature = "freenect", feature = "openni2"))]
 use crate::advice;
 use crate::child::{self, Launch};
 use crate::wire::{Failure, Message};
@@ -84,7 +84,7 @@ fn freenect(_request: &Request, link: &mut Link) -> Result<(), DriverError> {
     })?;
     let path = loaded_as("freenect.so").or_else(|| loaded_as("libfakenect.so"));
     // The library does not say its version, but its file's name does.
-    let version = path.as_ref().and_then(|path| version_in(&path.to_string_lossy()));
+    let version = path.as_deref().and_then(version_in);
     say(link, path, version)
 }
 
@@ -108,19 +108,21 @@ fn openni2(_request: &Request, _link: &mut Link) -> Result<(), DriverError> {
     Err(DriverError::Failed(Failure::LibraryMissing("this program was built without it".into())))
 }
 
-fn say(link: &mut Link, path: Option<PathBuf>, version: Option<String>) -> Result<(), DriverError> {
-    let path = path.map(|path| path.to_string_lossy().into_owned());
+#[cfg(any(feature = "freenect", feature = "openni2"))]
+fn say(link: &mut Link, path: Option<String>, version: Option<String>) -> Result<(), DriverError> {
     link.send(&Message::Found(LibraryFacts { path, version }))
 }
 
 /// The file of a library that is open in this process.
-fn loaded_as(part: &str) -> Option<PathBuf> {
+#[cfg(any(feature = "freenect", feature = "openni2"))]
+fn loaded_as(part: &str) -> Option<String> {
     let maps = std::fs::read_to_string("/proc/self/maps").ok()?;
     let mut paths = maps.lines().filter_map(|line| line.split_once('/').map(|(_, path)| format!("/{path}")));
-    paths.find(|path| path.contains(part)).map(PathBuf::from)
+    paths.find(|path| path.contains(part))
 }
 
 /// `libfreenect.so.0.5.3` is version 0.5.3.
+#[cfg(feature = "freenect")]
 fn version_in(path: &str) -> Option<String> {
     let version = path.rsplit_once(".so.")?.1;
     let is_number =
@@ -128,7 +130,7 @@ fn version_in(path: &str) -> Option<String> {
     is_number.then(|| version.to_owned())
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "freenect"))]
 mod tests {
     use super::*;
 

@@ -1,6 +1,8 @@
 //! Unplugged, ended by a signal, abandoned: what is said, and what the sensor is left like.
 
 use std::fs;
+use std::io::{BufRead, BufReader};
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use kinect::child::Overflow;
@@ -105,4 +107,24 @@ fn a_signal_to_the_driver_leaves_the_projector_dark() {
         source.start().unwrap();
         frame(&mut source);
     }
+}
+
+/// Nobody is left to order anything: the driver notices by itself.
+#[test]
+fn the_projector_is_dark_after_the_program_was_killed() {
+    let journal = Journal::new();
+    let settings = [("JOURNAL", journal.setting()), ("PACE_MILLIS", "5")];
+    let Some(launch) = on_bus("freenect", "", &settings) else { return };
+    let mut command = Command::new(&launch.program);
+    command.args(["hold", "freenect", ""]).envs(launch.environment).stdout(Stdio::piped());
+    let mut program = command.spawn().unwrap();
+    let mut said = String::new();
+    BufReader::new(program.stdout.take().unwrap()).read_line(&mut said).unwrap();
+    assert_eq!(said, "ready\n");
+    assert!(is_lit(&journal));
+    program.kill().unwrap();
+    program.wait().unwrap();
+    let begun = Instant::now();
+    until(|| is_dark(&journal));
+    assert!(begun.elapsed() < SOON, "{:?}", begun.elapsed());
 }

@@ -8,7 +8,8 @@ use std::process::ExitCode;
 use std::thread;
 use std::time::Duration;
 
-use kinect::source::SensorInfo;
+use kinect::child::{ChildSource, Launch};
+use kinect::source::{Event, SensorInfo, Source};
 use kinect::wire::{Message, Stamped};
 use kinect::worker::{self, Driver, DriverError, Link, Request};
 use reconstruct::camera::Intrinsics;
@@ -19,6 +20,9 @@ use rustix::process::{Signal, getpid, kill_process};
 
 fn main() -> ExitCode {
     let args: Vec<OsString> = std::env::args_os().skip(2).collect();
+    if std::env::args().nth(1).as_deref() == Some("hold") {
+        hold(&args);
+    }
     let of_tests: [(&str, Driver); 2] = [("misbehave", misbehave), ("freenect-format", format::run)];
     if of_tests.iter().any(|(name, _)| args.first().is_some_and(|arg| arg == name)) {
         return ExitCode::from(worker::run_one_of(&of_tests, &args));
@@ -74,6 +78,18 @@ fn misbehave(request: &Request, link: &mut Link) -> Result<(), DriverError> {
         other => return Err(DriverError::other(format!("no such misbehaviour: {other}"))),
     }
     Ok(())
+}
+
+/// The program's side, for tests that kill it: opens and starts a sensor, says so, and holds it.
+fn hold(args: &[OsString]) -> ! {
+    let [driver, target] = args else { panic!("hold DRIVER TARGET") };
+    let launch =
+        Launch::new(&driver.to_string_lossy(), &target.to_string_lossy()).expect("this program has a path");
+    let mut source = ChildSource::open(launch).expect("the sensor opens");
+    source.start().expect("the sensor starts");
+    while !matches!(source.next_event(Duration::from_secs(1)), Event::Frame(_)) {}
+    println!("ready");
+    hang()
 }
 
 fn segfault() -> Result<(), DriverError> {
