@@ -1,6 +1,7 @@
 //! Cross-crate and black-box tests: one binary, one module a subject.
 #![allow(clippy::unwrap_used, reason = "helpers of tests are tests")]
 
+mod capture;
 mod cli;
 mod files;
 mod markers;

@@ -25,10 +25,11 @@ use server::tokens::{NewToken, issue};
 
 const POINTS: usize = 20_000;
 
-struct Shop {
-    address: SocketAddr,
-    seller: String,
-    admin: String,
+/// A real product server with a seller and an admin.
+pub(crate) struct Shop {
+    pub(crate) address: SocketAddr,
+    pub(crate) seller: String,
+    pub(crate) admin: String,
     stop: Option<tokio::sync::oneshot::Sender<()>>,
     thread: Option<JoinHandle<()>>,
     agent: ureq::Agent,
@@ -36,7 +37,7 @@ struct Shop {
 }
 
 impl Shop {
-    fn open() -> Self {
+    pub(crate) fn open() -> Self {
         let data = tempfile::tempdir().unwrap();
         let mut config = Config::new(data.path(), ([127, 0, 0, 1], 0).into());
         config.password_cost = PasswordCost { memory_kib: 8, passes: 1 };
@@ -59,7 +60,7 @@ impl Shop {
         Self { address, seller, admin, stop: Some(stop), thread: Some(thread), agent, _data: data }
     }
 
-    fn get(&self, path: &str, token: Option<&str>) -> (u16, Vec<u8>) {
+    pub(crate) fn get(&self, path: &str, token: Option<&str>) -> (u16, Vec<u8>) {
         let mut request = self.agent.get(format!("http://{}{path}", self.address));
         if let Some(token) = token {
             request = request.header("authorization", format!("Bearer {token}"));
@@ -68,13 +69,13 @@ impl Shop {
         (answer.status().as_u16(), answer.body_mut().read_to_vec().unwrap())
     }
 
-    fn json(&self, path: &str, token: Option<&str>) -> Value {
+    pub(crate) fn json(&self, path: &str, token: Option<&str>) -> Value {
         let (status, body) = self.get(path, token);
         assert_eq!(status, 200, "{path}");
         serde_json::from_slice(&body).unwrap()
     }
 
-    fn activate(&self, id: &str, token: &str) -> u16 {
+    pub(crate) fn activate(&self, id: &str, token: &str) -> u16 {
         let request = self.agent.post(format!("http://{}/api/products/{id}/status", self.address));
         let request = request.header("authorization", format!("Bearer {token}"));
         request.send_json(json!({"status": "active"})).unwrap().status().as_u16()

@@ -4,7 +4,8 @@ use serde_json::Value;
 
 use super::support::{Broken, build, command, mug, scan};
 
-const COMMANDS: [&str; 7] = ["build", "board", "import", "simulate", "upload", "demo", "completions"];
+const COMMANDS: [&str; 10] =
+    ["capture", "resume", "rebuild", "build", "board", "import", "simulate", "upload", "demo", "completions"];
 
 #[test]
 fn the_help_of_the_program_and_of_every_command() {
@@ -26,11 +27,9 @@ fn every_command_is_in_the_list() {
     assert!(COMMANDS.iter().all(|name| listed.contains(name)), "{listed:?}");
 }
 
-/// Who starts the program bare sees what it can do, on standard error and with status 2.
 #[test]
 fn wrong_usage() {
-    let usages: [(&str, &[&str]); 12] = [
-        ("nothing", &[]),
+    let usages: [(&str, &[&str]); 11] = [
         ("unknown_command", &["scann"]),
         ("unknown_option", &["build", "rec", "--out", "out", "--colour"]),
         ("no_out", &["build", "rec"]),

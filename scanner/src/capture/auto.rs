@@ -39,12 +39,11 @@ impl Trigger {
     pub fn look(&mut self, light: Level, still_seconds: f64, is_new: bool, now: Instant) -> bool {
         self.moved |= still_seconds < 0.2;
         self.next_in = match self.mode {
-            AutoMode::Manual => None,
             AutoMode::Timer => Some(self.seconds - now.saturating_duration_since(self.since).as_secs_f64()),
             AutoMode::Still if light == Level::Green && self.moved && is_new => {
                 Some(self.seconds - still_seconds)
             }
-            AutoMode::Still => None,
+            AutoMode::Manual | AutoMode::Still => None,
         };
         self.next_in = self.next_in.map(|seconds| seconds.max(0.0));
         self.next_in == Some(0.0) && light != Level::Red

@@ -114,67 +114,59 @@ pub fn light_of(hints: &[Hint]) -> Level {
     hints.iter().map(|hint| hint.level).max().unwrap_or(Level::Red)
 }
 
-fn hint(level: Level, code: Code, text: impl Into<String>) -> Option<Hint> {
-    Some(Hint { level, code, text: text.into() })
+fn hint(level: Level, code: Code, text: impl Into<String>) -> Hint {
+    Hint { level, code, text: text.into() }
 }
 
 fn board(sight: &Sight) -> Option<Hint> {
-    match &sight.board {
-        Board::NotChosen | Board::Placed(GOOD_TAGS.., _) => None,
-        Board::Hidden(0) => hint(
-            Level::Red,
-            Code::BoardHidden,
-            "No marker of the board can be seen: turn the sensor to the board.",
-        ),
-        Board::Hidden(tags) => hint(
-            Level::Red,
-            Code::BoardHidden,
-            format!("Only {tags} of the markers can be read: show more of the board."),
-        ),
-        Board::Unknown(what) => {
-            hint(Level::Red, Code::BoardUnknown, format!("This is another board: {what}."))
+    let (level, code, text) = match &sight.board {
+        Board::NotChosen | Board::Placed(GOOD_TAGS.., _) => return None,
+        Board::Hidden(0) => {
+            let text = "No marker of the board can be seen: turn the sensor to the board.".to_owned();
+            (Level::Red, Code::BoardHidden, text)
         }
-        Board::Placed(tags, of) => hint(
-            Level::Yellow,
-            Code::BoardHidden,
-            format!(
+        Board::Hidden(tags) => {
+            let text = format!("Only {tags} of the markers can be read: show more of the board.");
+            (Level::Red, Code::BoardHidden, text)
+        }
+        Board::Unknown(what) => (Level::Red, Code::BoardUnknown, format!("This is another board: {what}.")),
+        Board::Placed(tags, of) => {
+            let text = format!(
                 "Only {tags} of {of} markers can be read: with four or more the view will be more exact."
-            ),
-        ),
-    }
+            );
+            (Level::Yellow, Code::BoardHidden, text)
+        }
+    };
+    Some(hint(level, code, text))
 }
 
 fn light(sight: &Sight) -> Option<Hint> {
-    if sight.brightness < DARK {
+    let (level, code, text) = if sight.brightness < DARK {
         let text = "It is too dark: the markers and colours cannot be seen. Switch on a lamp.";
-        return hint(Level::Red, Code::TooDark, text);
-    }
-    if sight.burnt > BURNT {
+        (Level::Red, Code::TooDark, text)
+    } else if sight.burnt > BURNT {
         let text = "The picture is burnt out: take away the direct light, or close the curtains.";
-        return hint(Level::Yellow, Code::TooBright, text);
-    }
-    (sight.brightness < DIM)
-        .then(|| {
-            hint(
-                Level::Yellow,
-                Code::TooDark,
-                "It is rather dark: with more light the colours become better.",
-            )
-        })
-        .flatten()
+        (Level::Yellow, Code::TooBright, text)
+    } else if sight.brightness < DIM {
+        (Level::Yellow, Code::TooDark, "It is rather dark: with more light the colours become better.")
+    } else {
+        return None;
+    };
+    Some(hint(level, code, text))
 }
 
 fn depth(sight: &Sight) -> Option<Hint> {
     if sight.valid_depth < HARDLY_ANY_DEPTH {
-        return if sight.brightness > BRIGHT {
+        let (code, text) = if sight.brightness > BRIGHT {
             let text = "Hardly any depth is measured and it is very bright: sunlight drowns the sensor's own light. \
                         Close the curtains or move away from the window.";
-            hint(Level::Red, Code::Sunlight, text)
+            (Code::Sunlight, text)
         } else {
             let text =
                 "Hardly any depth is measured: keep 0.5 to 1.2 m distance and let nothing cover the sensor.";
-            hint(Level::Red, Code::NoDepth, text)
+            (Code::NoDepth, text)
         };
+        return Some(hint(Level::Red, code, text));
     }
     let share = sight.valid_on_product?;
     let percent = (share * 100.0).round();
@@ -183,16 +175,11 @@ fn depth(sight: &Sight) -> Option<Hint> {
             "Where the product stands, only {percent} % has depth: dark, shiny or transparent surfaces give none. \
              Dust it with powder or hair spray, or turn it."
         );
-        return hint(Level::Red, Code::NoDepth, text);
+        return Some(hint(Level::Red, Code::NoDepth, text));
     }
-    (share < HOLES)
-        .then(|| {
-            let text = format!(
-                "Where the product stands, {percent} % has depth: dark or shiny places will be missing."
-            );
-            hint(Level::Yellow, Code::NoDepth, text)
-        })
-        .flatten()
+    let text =
+        format!("Where the product stands, {percent} % has depth: dark or shiny places will be missing.");
+    (share < HOLES).then(|| hint(Level::Yellow, Code::NoDepth, text))
 }
 
 fn distance(sight: &Sight) -> Option<Hint> {
@@ -206,40 +193,32 @@ fn distance(sight: &Sight) -> Option<Hint> {
         return None;
     };
     let text = format!("Move the sensor {verb}: the product is at {metres:.2} m, 0.5 to 1.2 m is good.");
-    hint(level, code, text)
+    Some(hint(level, code, text))
 }
 
 fn product(sight: &Sight) -> Option<Hint> {
     let [product, outside] = sight.product?;
-    if outside > product && outside > SEEN {
-        let text = "Something stands beside the middle of the board: put the product inside the outline and take all else away.";
-        return hint(Level::Red, Code::ProductOutside, text);
-    }
-    (product < SEEN)
-        .then(|| {
-            let text = "Nothing stands in the middle of the board: put the product inside the outline.";
-            hint(Level::Red, Code::ProductOutside, text)
-        })
-        .flatten()
+    let text = if outside > product && outside > SEEN {
+        "Something stands beside the middle of the board: put the product inside the outline and take all else away."
+    } else if product < SEEN {
+        "Nothing stands in the middle of the board: put the product inside the outline."
+    } else {
+        return None;
+    };
+    Some(hint(Level::Red, Code::ProductOutside, text))
 }
 
 fn motion(sight: &Sight) -> Option<Hint> {
-    (sight.still_seconds < STILL_SECONDS)
-        .then(|| {
-            hint(Level::Yellow, Code::Moving, "Something moves: let the sensor and the product stand still.")
-        })
-        .flatten()
+    let text = "Something moves: let the sensor and the product stand still.";
+    (sight.still_seconds < STILL_SECONDS).then(|| hint(Level::Yellow, Code::Moving, text))
 }
 
 fn packets(sight: &Sight) -> Option<Hint> {
     let lost = sight.lost_packets;
-    (lost > 0).then(|| {
-        let text = format!(
-            "{lost} packets of the sensor were lost: plug it into a port of its own, without a hub, and close other programs."
-        );
-        hint(Level::Yellow, Code::LostPackets, text)
-    })
-    .flatten()
+    let text = format!(
+        "{lost} packets of the sensor were lost: plug it into a port of its own, without a hub, and close other programs."
+    );
+    (lost > 0).then(|| hint(Level::Yellow, Code::LostPackets, text))
 }
 
 #[cfg(test)]

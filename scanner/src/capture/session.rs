@@ -28,6 +28,7 @@ use super::model::Model;
 use super::preview::sectors;
 use super::refusal::Refusal;
 use super::sensors::{Found, Opener};
+use super::simulated;
 use super::state::{
     AutoMode, BoardState, BuildState, OpenSensor, PreviewState, PublishState, State, Step, TakenView, Taking,
 };
@@ -302,7 +303,9 @@ impl Session {
                 return Err(Refusal::not_now(text));
             }
             // The simulated sensor sees the board that was chosen.
-            (!same && super::simulated::is_simulated(&sensor.address)).then(|| sensor.address.clone())
+            let seen =
+                inner.board.as_ref().map_or_else(simulated::usual_board, |present| present.known.clone());
+            (seen != board.known && simulated::is_simulated(&sensor.address)).then(|| sensor.address.clone())
         };
         if let Some(address) = address {
             self.open(&address, Some(&board.known))?;
@@ -333,12 +336,10 @@ impl Session {
         self.change(|inner| {
             inner.check_rests()?;
             let missing = match step {
-                Step::Sensor => None,
-                Step::Board if inner.sensor.is_none() => Some("choose a sensor first"),
-                Step::Views if inner.sensor.is_none() => Some("choose a sensor first"),
+                Step::Board | Step::Views if inner.sensor.is_none() => Some("choose a sensor first"),
                 Step::Views if inner.board.is_none() => Some("choose the board first"),
                 Step::Result if inner.model.is_none() => Some("build the model first"),
-                Step::Board | Step::Views | Step::Result => None,
+                Step::Sensor | Step::Board | Step::Views | Step::Result => None,
                 _ => Some("this step cannot be gone to; it comes by itself"),
             };
             if let Some(text) = missing {

@@ -9,10 +9,10 @@ use std::time::{Duration, Instant};
 
 use clap::ValueEnum;
 use kinect::source::{Ability, Control, Event, Frame, SensorInfo, Source, SourceError};
-use reconstruct::board::KnownBoard;
+use reconstruct::board::{Family, KnownBoard};
 use reconstruct::image::{ColorImage, DepthImage};
 
-use crate::simulate::{Kind, ScanSpec, Simulator};
+use crate::simulate::{Kind, Paper, ScanSpec, Simulator, ring};
 
 /// Places around the product where the sensor can stand.
 const STATIONS: usize = 72;
@@ -52,9 +52,7 @@ impl Simulated {
         let wish = parse(address).ok_or_else(|| SourceError::NotFound(address.to_owned()))?;
         let mut spec = ScanSpec::new(wish.product, wish.seed);
         (spec.views, spec.frames) = (STATIONS, FRAMES);
-        if let Some(board) = board {
-            spec.board = board.clone();
-        }
+        spec.board = board.cloned().unwrap_or_else(usual_board);
         let simulator = Simulator::new(&spec).map_err(|e| SourceError::Refused(e.to_string()))?;
         let info = SensorInfo {
             backend: "simulated".to_owned(),
@@ -86,6 +84,11 @@ impl Simulated {
         };
         (0..STATIONS).min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(0)
     }
+}
+
+/// The board it sees where none was chosen.
+pub fn usual_board() -> KnownBoard {
+    ring(Paper::A3, Family::Aruco4x4_50)
 }
 
 /// Whether an address is one of the simulated sensor's.

@@ -45,7 +45,7 @@ fn keep_aside(out: &Path) -> anyhow::Result<PathBuf> {
         name.push(if number == 1 { ".before".to_owned() } else { format!(".before-{number}") });
         out.with_file_name(name)
     };
-    let folder = (1..).map(beside).find(|folder| !folder.exists()).context("no folder name is free")?;
+    let folder = (1..10_000).map(beside).find(|folder| !folder.exists()).context("no folder name is free")?;
     let owned: Vec<&str> = FILES.to_vec();
     let dir = crate::output::OutputDir::begin(&folder, &owned)?;
     for name in FILES.iter().filter(|name| out.join(name).is_file()) {

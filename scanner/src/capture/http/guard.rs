@@ -13,6 +13,7 @@ use subtle::ConstantTimeEq;
 
 use super::Daemon;
 use super::problem::Problem;
+use crate::upload::hex;
 
 /// 256 random bits as 64 hexadecimal digits; shown only in the address that is printed.
 #[derive(Clone)]
@@ -23,7 +24,7 @@ impl Token {
     pub fn random() -> Result<Self, getrandom::Error> {
         let mut bytes = [0u8; 32];
         getrandom::fill(&mut bytes)?;
-        Ok(Self(bytes.iter().map(|byte| format!("{byte:02x}")).collect()))
+        Ok(Self(hex(&bytes)))
     }
 
     /// For the address.

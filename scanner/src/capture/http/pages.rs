@@ -4,6 +4,8 @@ use axum::http::{Method, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use rust_embed::RustEmbed;
 
+use crate::upload::hex;
+
 #[derive(Debug, RustEmbed)]
 #[folder = "../web/dist-capture"]
 struct Dist;
@@ -24,8 +26,7 @@ pub(super) async fn page(method: Method, uri: Uri) -> Response {
     };
     match Dist::get(path) {
         Some(file) => {
-            let etag =
-                file.metadata.sha256_hash()[..12].iter().map(|b| format!("{b:02x}")).collect::<String>();
+            let etag = hex(&file.metadata.sha256_hash()[..12]);
             let fixed = [
                 (header::CONTENT_TYPE, content_type(path).to_owned()),
                 (header::CACHE_CONTROL, "no-cache".to_owned()),

@@ -67,7 +67,11 @@ fn the_message_holds_what_its_header_says() {
     assert_eq!(crate::pictures::size(color).unwrap().width, 640);
     let depth =
         crate::pictures::decode_color(&message[4 + length + bytes("color_bytes")..], 320, 240).unwrap();
-    let (grey, colored): (Vec<_>, Vec<_>) =
-        depth.data.iter().filter(|p| p.iter().any(|&v| v > 60)).partition(|[r, _, b]| r.abs_diff(*b) < 12);
+    let (grey, colored): (Vec<_>, Vec<_>) = depth
+        .data
+        .iter()
+        .filter(|p| p.iter().any(|&v| v > 60))
+        .copied()
+        .partition(|[r, _, b]| r.abs_diff(*b) < 12);
     assert!(grey.len() > 5_000 && colored.len() > 500, "{} {}", grey.len(), colored.len());
 }

@@ -87,7 +87,8 @@ impl Session {
 
     fn build_in(self: &Arc<Self>, folder: &Path, number: u64, version: u64) {
         let progress = Progress { session: Arc::downgrade(self), number, stages: AtomicU64::new(0) };
-        let built = built(folder, Ui::followed_by(Arc::new(progress)), || self.lock().build_number == number);
+        let built =
+            built(folder, &Ui::followed_by(Arc::new(progress)), || self.lock().build_number == number);
         self.change(|inner| {
             // Cancelled meanwhile: nobody is interested.
             if inner.build_number != number {
@@ -109,10 +110,10 @@ impl Session {
 }
 
 /// Builds and writes; why there is no model otherwise.
-fn built(folder: &Path, ui: Ui, is_wanted: impl Fn() -> bool) -> Result<(Shape, Scan, PathBuf), String> {
+fn built(folder: &Path, ui: &Ui, is_wanted: impl Fn() -> bool) -> Result<(Shape, Scan, PathBuf), String> {
     let recording = Recording::open(folder).map_err(|e| e.to_string())?;
     let config = Config { seed: SEED, ..Config::default() };
-    let mut scan = pipeline::build(&recording, &config, &ui).map_err(|e| e.to_string())?;
+    let mut scan = pipeline::build(&recording, &config, ui).map_err(|e| e.to_string())?;
     if scan.cloud.is_empty() {
         return Err(format!("no model could be built: {}", scan.report.verdict_reason));
     }

@@ -83,15 +83,14 @@ impl Session {
                 .ok_or_else(|| Refusal::not_now("the sensor does not run: plug it in, or choose another"))?;
             let board = inner.board.as_ref().ok_or_else(|| Refusal::not_now("choose the board first"))?;
             let board = board.known.clone();
-            let journal = match &inner.journal {
-                Some(journal) => Arc::clone(journal),
-                None => {
-                    let folder = self.new_folder()?;
-                    let file = BoardFile::Known(board.clone());
-                    let journal = Arc::new(Mutex::new(Journal::begin(&folder, &info, &file)?));
-                    inner.folder = Some(folder);
-                    Arc::clone(inner.journal.insert(journal))
-                }
+            let journal = if let Some(journal) = &inner.journal {
+                Arc::clone(journal)
+            } else {
+                let folder = self.new_folder()?;
+                let file = BoardFile::Known(board.clone());
+                let journal = Arc::new(Mutex::new(Journal::begin(&folder, &info, &file)?));
+                inner.folder = Some(folder);
+                Arc::clone(inner.journal.insert(journal))
             };
             inner.taking = Some(Taking { view: String::new(), frames: 0, of: FRAMES });
             Ok(Job { journal, rig: info.rig, board })
