@@ -7,7 +7,7 @@ SCANS ?= 300
 FUZZ_SECONDS ?= 20
 export CARGO_TERM_COLOR ?= auto
 
-.PHONY: help demo test build web lint test-rust test-drivers test-web test-browser fuzz licences accuracy marker-corners clean
+.PHONY: help demo test build web lint test-rust test-drivers test-web test-browser fuzz licences accuracy marker-corners capture-load clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{printf "  make %-16s %s\n", $$1, $$2}'
@@ -61,6 +61,9 @@ accuracy: ## SCANS simulated scans judged against their truth
 
 marker-corners: ## corner error on RECORDING (with truth) against its poses
 	cargo run $(CARGO_FLAGS) -p tests --bin marker-corners -- "$(RECORDING)"
+
+capture-load: ## CPU of a live picture, and of recording 30 pictures a second for a minute
+	cargo run $(CARGO_FLAGS) -p tests --bin capture-load
 
 clean: ## remove what was built
 	rm -rf target fuzz/target web/dist web/dist-capture web/node_modules tests/e2e/node_modules out

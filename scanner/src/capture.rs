@@ -67,6 +67,7 @@ pub fn run(options: &Options, ui: &Ui) -> anyhow::Result<()> {
     output::check_writable(&options.home)?;
     warn_of_listening(options.address.ip(), ui);
     let session = Session::new(Box::new(ThisComputer), &options.home, options.server.clone());
+    look_for_sensors(&session);
     if let Some(folder) = &options.resume {
         session.resume(folder, ui).map_err(|refusal| anyhow!("{refusal}"))?;
     }
@@ -84,6 +85,13 @@ pub fn run(options: &Options, ui: &Ui) -> anyhow::Result<()> {
     runtime.shutdown_background();
     output::remove_unfinished();
     result
+}
+
+/// Libraries and USB devices are looked at while the page opens.
+fn look_for_sensors(session: &std::sync::Arc<Session>) {
+    let session = std::sync::Arc::clone(session);
+    // Where no thread can be had, the page's own order looks.
+    let _ = std::thread::Builder::new().name("look".to_owned()).spawn(move || session.look_for_sensors());
 }
 
 async fn serve(options: &Options, session: std::sync::Arc<Session>, ui: &Ui) -> anyhow::Result<()> {

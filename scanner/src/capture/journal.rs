@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use kinect::source::SensorInfo;
 use reconstruct::board::BoardFile;
 use reconstruct::pose;
-use reconstruct::recording::{DepthCamera, Device, RecordingFile};
+use reconstruct::recording::{DepthCamera, Device, RecordingFile, ViewEntry};
 
 pub use disk::free_bytes;
 pub use error::JournalError;
@@ -76,7 +76,7 @@ impl Journal {
     pub fn resume(folder: &Path) -> Result<Self, JournalError> {
         let folder = folder.canonicalize().map_err(at(folder))?;
         let file = parse_unfinished(&read_limited(&folder, RECORDING, MAX_JSON_BYTES)?)?;
-        if !file.frames.is_empty() || file.mirrored {
+        if !is_ours(&file) {
             return Err(JournalError::NotOurs(folder));
         }
         let board = if folder.join(BOARD).exists() {
@@ -183,6 +183,15 @@ impl Journal {
         }
         disk::sync_folder(&views)
     }
+}
+
+/// Whether all views lie where this program puts them: nothing else is touched.
+fn is_ours(file: &RecordingFile) -> bool {
+    let lies_right = |view: &ViewEntry| {
+        let folder = format!("{VIEWS}/{}/", view.name);
+        view.frames.iter().flat_map(|f| [&f.color, &f.depth]).all(|path| path.starts_with(&folder))
+    };
+    file.frames.is_empty() && !file.mirrored && file.views.iter().all(lies_right)
 }
 
 fn lock(folder: &Path) -> Result<File, JournalError> {

@@ -103,9 +103,9 @@ impl Live {
         }
     }
 
-    /// Width and height of the colour pictures it is made for.
-    pub fn size(&self) -> (u32, u32) {
-        (self.rig.color.width, self.rig.color.height)
+    /// Whether a frame has the sizes that it is made for.
+    pub fn fits(&self, frame: &Frame) -> bool {
+        has_sizes_of(frame, &self.rig)
     }
 
     /// Looks at one frame that came at `now`.
@@ -204,6 +204,16 @@ impl Live {
         let Some(registration) = &self.registration else { return half };
         registration.register(&half).into_iter().map(|z| if z.is_nan() { 0.0 } else { z }).collect()
     }
+}
+
+/// Whether a frame has the sizes that its sensor announced.
+pub fn has_sizes_of(frame: &Frame, rig: &Rig) -> bool {
+    let size = |camera: &Intrinsics| (camera.width as usize, camera.height as usize);
+    let (color, depth) = (&frame.color, &frame.depth);
+    (color.width, color.height) == size(&rig.color)
+        && (depth.width, depth.height) == size(&rig.depth)
+        && color.data.len() == color.width * color.height
+        && depth.data.len() == depth.width * depth.height
 }
 
 /// The camera whose pixels are every second one of `camera`'s.

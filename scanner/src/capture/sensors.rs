@@ -1,5 +1,6 @@
 //! Which sensors there are, and opening them: the simulated one is always there.
 
+use kinect::probe::{self, Library, Sensor};
 use kinect::source::{Ability, Source, SourceError};
 use reconstruct::board::KnownBoard;
 
@@ -29,23 +30,58 @@ pub struct ThisComputer;
 
 impl Opener for ThisComputer {
     fn look(&self) -> Found {
-        Found { sensors: vec![simulated("simulated")], libraries: Vec::new() }
+        let look = probe::look();
+        let plugged_in = look.sensors.iter().map(sensor);
+        Found {
+            sensors: plugged_in.chain([simulated()]).collect(),
+            libraries: look.libraries.iter().map(library).collect(),
+        }
     }
 
     fn open(&self, address: &str, board: Option<&KnownBoard>) -> Result<Box<dyn Source>, SourceError> {
         if is_simulated(address) {
-            return Ok(Box::new(Simulated::open(address, board)?));
+            Ok(Box::new(Simulated::open(address, board)?))
+        } else if is_replay(address) {
+            Ok(Box::new(Replay::open(address)?))
+        } else {
+            kinect::open(address)
         }
-        if is_replay(address) {
-            return Ok(Box::new(Replay::open(address)?));
-        }
-        kinect::open(address)
     }
 }
 
-fn simulated(address: &str) -> SensorEntry {
+/// What is there before anybody has looked.
+pub fn always_there() -> Found {
+    Found { sensors: vec![simulated()], libraries: Vec::new() }
+}
+
+fn sensor(found: &Sensor) -> SensorEntry {
+    let other = found.problems.iter().find(|problem| !problem.blocks);
     SensorEntry {
-        address: address.to_owned(),
+        // What cannot be opened still needs a name of its own.
+        address: found.address.clone().unwrap_or_else(|| format!("usb:{}", found.port)),
+        backend: found.backend.to_owned(),
+        model: found.model.clone(),
+        serial: found.serial.clone(),
+        usable: found.is_usable(),
+        problem: found.obstacle().map(|problem| problem.text.clone()),
+        advice: other.map(|problem| problem.text.clone()),
+        abilities: found.abilities.clone(),
+    }
+}
+
+fn library(found: &Library) -> LibraryEntry {
+    LibraryEntry {
+        name: found.name.to_owned(),
+        found: found.path.is_some(),
+        path: found.path.clone(),
+        version: found.version.clone(),
+        advice: found.advice.clone(),
+    }
+}
+
+fn simulated() -> SensorEntry {
+    SensorEntry {
+        address: "simulated".to_owned(),
         backend: "simulated".to_owned(),
         model: "Simulated Kinect".to_owned(),
         serial: String::new(),

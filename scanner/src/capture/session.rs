@@ -13,7 +13,7 @@ mod taking;
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use kinect::source::{Control, SensorInfo};
 use reconstruct::board::{BoardFile, Family, KnownBoard};
@@ -27,7 +27,7 @@ use super::live::Picture;
 use super::model::Model;
 use super::preview::sectors;
 use super::refusal::Refusal;
-use super::sensors::{Found, Opener};
+use super::sensors::{Found, Opener, always_there};
 use super::simulated;
 use super::state::{
     AutoMode, BoardState, BuildState, OpenSensor, PreviewState, PublishState, State, Step, TakenView, Taking,
@@ -37,6 +37,8 @@ use crate::simulate::{Paper, ring};
 /// Result of an order.
 pub type Done = Result<(), Refusal>;
 
+/// How long ending waits for a view in work.
+const CLOSE_TIME: Duration = Duration::from_secs(2);
 /// A board with fewer tags is placed poorly.
 const FEW_TAGS: usize = 8;
 
@@ -112,7 +114,7 @@ impl Session {
     pub fn new(opener: Box<dyn Opener>, home: &Path, server: Option<String>) -> Arc<Self> {
         let inner = Inner {
             step: Step::Sensor,
-            found: opener.look(),
+            found: always_there(),
             camera: None,
             camera_number: 0,
             sensor: None,
@@ -371,6 +373,11 @@ impl Session {
     /// Ends it in order: what is being written is written, the sensor is stopped.
     pub fn close(&self) {
         self.frames.stop();
+        // A view in work notices, and takes its files away.
+        let asked = Instant::now();
+        while self.lock().taking.is_some() && asked.elapsed() < CLOSE_TIME {
+            std::thread::sleep(Duration::from_millis(10));
+        }
         let camera = self.change(|inner| {
             inner.closed = true;
             inner.build_number += 1;
@@ -450,3 +457,6 @@ fn board_with(name: String, known: KnownBoard) -> Board {
     let state = BoardState { name, tags: known.tags.len(), warnings };
     Board { known, state }
 }
+
+#[cfg(test)]
+mod tests;

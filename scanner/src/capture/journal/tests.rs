@@ -104,6 +104,19 @@ fn undoing_takes_name_and_files() {
 }
 
 #[test]
+fn recordings_of_other_origin_are_left_alone() {
+    let home = tempfile::tempdir().unwrap();
+    let mut journal = Journal::begin(home.path(), &sensor(), &board()).unwrap();
+    take(&mut journal, 1);
+    drop(journal);
+    let path = home.path().join(RECORDING);
+    let text = fs::read_to_string(&path).unwrap().replace("views/000/", "./views/000/");
+    fs::write(&path, text).unwrap();
+    assert!(matches!(Journal::resume(home.path()), Err(JournalError::NotOurs(_))));
+    assert_eq!(names_in(&home.path().join("views/000")).len(), 2);
+}
+
+#[test]
 fn a_full_disk_is_said_before_anything_is_written() {
     let home = tempfile::tempdir().unwrap();
     let mut journal = Journal::begin(home.path(), &sensor(), &board()).unwrap();

@@ -3,6 +3,7 @@
 use std::sync::{Arc, Weak};
 use std::time::{Duration, Instant};
 
+use reconstruct::board::KnownBoard;
 use reconstruct::pose::Pose;
 
 use super::{Inner, Session};
@@ -20,7 +21,7 @@ const NEW_ELEVATION: f64 = 0.35;
 /// What the frames are looked at with; changes with sensor and board.
 struct Eye {
     camera: u64,
-    board: Option<String>,
+    board: Option<KnownBoard>,
     live: Live,
 }
 
@@ -51,8 +52,7 @@ impl Session {
             return;
         }
         let Some(eye) = self.lock().eye(eye.take()).map(|fresh| eye.insert(fresh)) else { return };
-        let size = (frame.color.width as u32, frame.color.height as u32);
-        if size != eye.live.size() {
+        if !eye.live.fits(frame) {
             // A frame of a sensor that was just replaced.
             return;
         }
@@ -94,16 +94,15 @@ impl Inner {
     /// The eye for the present sensor and board: the present one where it fits.
     fn eye(&self, present: Option<Eye>) -> Option<Eye> {
         let camera = self.camera.as_ref()?;
-        let board = self.board.as_ref();
-        let name = board.map(|board| board.state.name.clone());
+        let board = self.board.as_ref().map(|board| &board.known);
         if let Some(eye) = present
             && eye.camera == self.camera_number
-            && eye.board == name
+            && eye.board.as_ref() == board
         {
             return Some(eye);
         }
-        let live = Live::new(&camera.info().rig, board.map(|board| &board.known));
-        Some(Eye { camera: self.camera_number, board: name, live })
+        let live = Live::new(&camera.info().rig, board);
+        Some(Eye { camera: self.camera_number, board: board.cloned(), live })
     }
 
     /// Whether no view was taken from about there.

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use reconstruct::cloud::PointCloud;
+use reconstruct::recording::Device;
 
 use super::taking::view_of;
 use super::{Board, Session, View, known_board};
@@ -23,16 +24,12 @@ impl Session {
         let board = known_board(journal.board().cloned().ok_or_else(no_board)?)?;
         let views = views(&journal, &board, ui)?;
         let device = journal.file().device.clone();
-        let address = self.change(|inner| {
+        let address = self.sensor_like(&device);
+        self.change(|inner| {
             inner.folder = Some(journal.folder().to_owned());
             inner.journal = Some(Arc::new(Mutex::new(journal)));
             inner.board = Some(board);
             inner.views = views;
-            if device.backend == "simulated" {
-                return Some(format!("simulated:{}", device.serial));
-            }
-            let mut sensors = inner.found.sensors.iter().filter(|s| s.backend == device.backend && s.usable);
-            sensors.find(|s| s.serial == device.serial).map(|s| s.address.clone())
         });
         self.draw_preview();
         // Where the sensor is not the one of before, the page asks for it.
@@ -42,6 +39,16 @@ impl Session {
             self.change(|inner| inner.step = Step::Sensor);
         }
         Ok(())
+    }
+
+    /// The address of the sensor that took the recording, where it is there.
+    fn sensor_like(&self, device: &Device) -> Option<String> {
+        if device.backend == "simulated" {
+            return Some(format!("simulated:{}", device.serial));
+        }
+        let found = self.opener.look();
+        let mut same = found.sensors.iter().filter(|s| s.usable && s.backend == device.backend);
+        same.find(|s| s.serial == device.serial).map(|s| s.address.clone())
     }
 }
 

@@ -10,6 +10,7 @@ use reconstruct::recording::{Rig, ViewImages};
 
 use super::{Done, Inner, Preview, Session, View, lock};
 use crate::capture::journal::{Journal, JournalError, ViewWriter};
+use crate::capture::live::has_sizes_of;
 use crate::capture::preview::{self, ViewPreview};
 use crate::capture::refusal::Refusal;
 use crate::capture::state::{PreviewState, Step, TakenView, Taking};
@@ -116,7 +117,7 @@ impl Session {
     fn take(&self, job: &Job, started: Instant) -> Result<View, Refusal> {
         let mut writer = lock(&job.journal).begin_view(FRAMES)?;
         let name = writer.name().to_owned();
-        let images = self.collect(&mut writer)?;
+        let images = self.collect(&mut writer, &job.rig)?;
         let (rig, board) = (job.rig, &job.board);
         let seen = preview::of_view(rig, board, images)
             .map_err(|reason| Refusal::not_now(format!("the view was not kept: {reason}")))?;
@@ -125,7 +126,7 @@ impl Session {
     }
 
     /// All frames of the view, to the disk as they come; all depth images and the middle picture stay.
-    fn collect(&self, writer: &mut ViewWriter) -> Result<ViewImages, Refusal> {
+    fn collect(&self, writer: &mut ViewWriter, rig: &Rig) -> Result<ViewImages, Refusal> {
         let name = writer.name().to_owned();
         let frames = self.frames.take_all(FRAMES);
         let mut taken: Vec<Arc<Frame>> = Vec::new();
@@ -134,6 +135,9 @@ impl Session {
             let (view, count) = (name.clone(), taken.len());
             self.change(|inner| inner.taking = Some(Taking { view, frames: count, of: FRAMES }));
             result = match frames.recv_timeout(FRAME_TIME) {
+                Ok(frame) if !has_sizes_of(&frame, rig) => Err(Refusal::not_now(
+                    "the sensor sends pictures of another size than it announced; choose it anew",
+                )),
                 Ok(frame) => {
                     let written = writer.add(&frame).map_err(Refusal::from);
                     taken.push(frame);
