@@ -20,7 +20,6 @@ use reconstruct::camera::Intrinsics;
 use reconstruct::pose::Pose;
 use reconstruct::recording::Rig;
 
-use crate::advice;
 use crate::sys::freenect::Library;
 use crate::wire::Failure;
 use crate::worker::{DriverError, Link, Request};
@@ -44,9 +43,7 @@ pub fn run(request: &Request, link: &mut Link) -> Result<(), DriverError> {
 /// # Errors
 /// Where the library is missing, refuses, or has no dump to play.
 pub fn context() -> Result<Rc<Context>, DriverError> {
-    let library = Library::open().map_err(|why| {
-        DriverError::Failed(Failure::LibraryMissing(format!("{} ({why})", advice::INSTALL_FREENECT)))
-    })?;
+    let library = Library::open().map_err(|advice| DriverError::Failed(Failure::LibraryMissing(advice)))?;
     if library.is_replay {
         // Before anything is called: the replay library ends the process where something is missing.
         dump::check()?;

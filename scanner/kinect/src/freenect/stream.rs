@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use reconstruct::image::{ColorImage, DepthImage};
 
 use super::depth::{HEIGHT, Mapping, WIDTH};
-use super::handle::{Context, Sensor};
+use super::handle::{Context, Sensor, Unavailable};
 use super::inbox::{self, Arrived, Stream};
 use super::mode::Format;
 use crate::clock::Clock;
@@ -73,8 +73,10 @@ impl Streams {
         self.sensor.start(Format::Raw)?;
         self.sensor.start(Format::Color)?;
         while self.turn(link)? == Turn::More {
-            if let Some(control) = link.order() {
-                self.obey(control, link)?;
+            if let Some(control) = link.order()
+                && self.obey(control, link)? == Turn::Over
+            {
+                break;
             }
             self.hold_exposure_when_warm();
             self.feel_gravity(link)?;
@@ -118,7 +120,7 @@ impl Streams {
         link.send(&message)
     }
 
-    fn obey(&mut self, control: Control, link: &mut Link) -> Result<(), DriverError> {
+    fn obey(&mut self, control: Control, link: &mut Link) -> Result<Turn, DriverError> {
         let outcome = match control {
             Control::Tilt(angle) if angle.is_finite() => {
                 self.sensor.tilt(angle.clamp(-MOST_TILT, MOST_TILT).to_degrees())
@@ -133,11 +135,10 @@ impl Streams {
                 link.answer(Ok(()))?;
                 return self.take_still(link);
             }
-            Control::Tilt(_) | Control::Station(_) => {
-                return link.answer(Err("this sensor cannot do that".into()));
-            }
+            Control::Tilt(_) | Control::Station(_) => Err(Unavailable("what was asked")),
         };
-        link.answer(outcome.map_err(|error| error.to_string()))
+        link.answer(outcome.map_err(|error| error.to_string()))?;
+        Ok(Turn::More)
     }
 
     fn hold_exposure_when_warm(&mut self) {
@@ -160,19 +161,22 @@ impl Streams {
     }
 
     /// Rests both streams, takes one large picture, and goes on as before.
-    fn take_still(&mut self, link: &mut Link) -> Result<(), DriverError> {
+    fn take_still(&mut self, link: &mut Link) -> Result<Turn, DriverError> {
         self.sensor.stop(Stream::Depth);
         self.sensor.start(Format::LargeColor)?;
         self.restore_exposure();
         let until = Instant::now() + STILL;
         let mut passed = 0;
         let mut still = None;
-        while still.is_none() && Instant::now() < until && self.context.process(TURN) {
-            for image in inbox::take_images() {
-                if image.bytes.len() == Format::LargeColor.bytes() {
-                    passed += 1;
-                    let good = passed > STILL_SETTLES && image.lost_packets == 0;
-                    still = good.then(|| picture(&image.bytes, 1280, 1024)).or(still);
+        while still.is_none() && Instant::now() < until {
+            if !self.context.process(TURN) {
+                return Ok(Turn::Over);
+            }
+            let large = |image: &Arrived| image.bytes.len() == Format::LargeColor.bytes();
+            for image in inbox::take_images().into_iter().filter(large) {
+                passed += 1;
+                if passed > STILL_SETTLES && image.lost_packets == 0 {
+                    still = Some(picture(&image.bytes, 1280, 1024));
                 }
             }
             link.alive()?;
@@ -183,7 +187,7 @@ impl Streams {
         self.sensor.start(Format::Color)?;
         self.sensor.start(Format::Raw)?;
         self.restore_exposure();
-        Ok(())
+        Ok(Turn::More)
     }
 
     /// A new start of the colour stream may let exposure go.

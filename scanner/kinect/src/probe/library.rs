@@ -5,7 +5,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use super::Library;
-#[cfg(any(feature = "freenect", feature = "openni2"))]
+#[cfg(feature = "openni2")]
 use crate::advice;
 use crate::child::{self, Launch};
 use crate::wire::{Failure, Message};
@@ -79,9 +79,7 @@ pub(crate) fn driver_of(name: &str) -> Option<Driver> {
 #[cfg(feature = "freenect")]
 fn freenect(_request: &Request, link: &mut Link) -> Result<(), DriverError> {
     let library = crate::sys::freenect::Library::open();
-    let _open = library.map_err(|why| {
-        DriverError::Failed(Failure::LibraryMissing(format!("{} ({why})", advice::INSTALL_FREENECT)))
-    })?;
+    let _open = library.map_err(|advice| DriverError::Failed(Failure::LibraryMissing(advice)))?;
     let path = loaded_as("freenect.so").or_else(|| loaded_as("libfakenect.so"));
     // The library does not say its version, but its file's name does.
     let version = path.as_deref().and_then(version_in);

@@ -8,6 +8,8 @@ use std::ffi::OsString;
 
 use bindings::Freenect;
 
+use crate::advice;
+
 /// Names another library file: a copy of one's own, or the replay library.
 pub(crate) const PATH_VARIABLE: &str = "SCAN_FREENECT_LIB";
 /// Under which names distributions install it: Debian, upstream, development packages.
@@ -27,18 +29,24 @@ impl Library {
     /// Opens the library.
     ///
     /// # Errors
-    /// What the system says, where none can be opened.
+    /// How to get it, where none can be opened; for a file that was named, also what the system says of it.
     pub(crate) fn open() -> Result<Self, String> {
-        let mut refusals = Vec::new();
+        let mut refusal = String::new();
         for name in names() {
             // SAFETY: a library's initialisers run in this process. It is the one the user installed or named; this is
             // done only in a driver's process, which may die of it.
             match unsafe { libloading::Library::new(&name) } {
                 Ok(library) => return Ok(Self::from(library)),
-                Err(error) => refusals.push(error.to_string()),
+                Err(error) => refusal = error.to_string(),
             }
         }
-        Err(refusals.join("; "))
+        let is_named = std::env::var_os(PATH_VARIABLE).is_some();
+        let install = advice::INSTALL_FREENECT;
+        Err(if is_named {
+            format!("{install}; {PATH_VARIABLE} names another: {refusal}")
+        } else {
+            install.to_owned()
+        })
     }
 
     fn from(library: libloading::Library) -> Self {
