@@ -112,13 +112,9 @@ async function open(stage: "sensor" | "board" | "views" | "result"): Promise<voi
 
 async function quit(): Promise<void> {
   if (!(await confirmQuit(state?.folder ?? null))) return;
-  try {
-    await daemon.quit();
-  } catch (error) {
-    // It may be gone before its answer is.
-    if (!wasLost) console.info("The program ended without an answer:", error);
-  }
+  // It breaks the line itself, which is no loss then.
   live?.end();
+  await daemon.quit().catch((error: unknown) => console.info("The program ended without an answer:", error));
   leaving.abort();
   layout.showEnd();
   const heading = h("h1", { tabindex: -1 }, texts.quit.endedTitle);

@@ -9,6 +9,13 @@ const t = texts.sensor;
 export const sensor: MakeStep = (app) => {
   const list = h("ul", { class: "choices" });
   const libraries = h("ul", { class: "libraries" });
+  const drivers = h(
+    "section",
+    { class: "panel" },
+    h("h2", {}, t.librariesTitle),
+    h("p", {}, t.librariesLead),
+    libraries,
+  );
   const lookAgain = async () => {
     let found = 0;
     const look = async () => {
@@ -29,7 +36,7 @@ export const sensor: MakeStep = (app) => {
       button(t.again, () => void lookAgain()),
     ),
     list,
-    h("section", { class: "panel" }, h("h2", {}, t.librariesTitle), h("p", {}, t.librariesLead), libraries),
+    drivers,
   );
   const showSensors = whenChanged(
     (state: State) => [state.sensors, state.sensor?.address, state.board !== null] as const,
@@ -41,7 +48,10 @@ export const sensor: MakeStep = (app) => {
   );
   const showLibraries = whenChanged(
     (state: State) => state.libraries,
-    (all) => libraries.replaceChildren(...all.map(libraryItem)),
+    (all) => {
+      drivers.hidden = all.length === 0;
+      libraries.replaceChildren(...all.map(libraryItem));
+    },
   );
   return {
     content,

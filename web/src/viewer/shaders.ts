@@ -7,7 +7,7 @@ const LIGHT = `
     return 0.66 + 0.38 * abs(dot(normalInView, LIGHT));
   }`;
 
-/** Marked points are drawn in this colour whatever their own. */
+/** Marked points are drawn in this colour whatever their own, with the shading that shows their shape. */
 const MARK = "vec3(0.93, 0.07, 0.55)";
 
 export const POINT_VERTEX = `
@@ -23,7 +23,7 @@ export const POINT_VERTEX = `
     gl_Position = projectionMatrix * inView;
     gl_PointSize = clamp(worldSize * pixelsPerUnit / max(1e-6, -inView.z), 1.5, 64.0);
     float light = hasNormals > 0.5 ? shade(normalize(mat3(viewMatrix) * direction)) : 1.0;
-    vColor = color.a > 0.5 ? color.rgb * light : ${MARK};
+    vColor = (color.a > 0.5 ? color.rgb : ${MARK}) * light;
   }`;
 
 export const POINT_FRAGMENT = `
