@@ -8,6 +8,7 @@ mod bad_board;
 mod bad_input;
 mod bad_scans;
 mod devices;
+mod calibrate;
 mod disk;
 mod imports;
 mod interrupt;

@@ -13,10 +13,13 @@ use crate::camera::Intrinsics;
 use crate::pose::Pose;
 
 /// Number of coefficients: scale, constant, 2 linear, 3 quadratic, 4 cubic terms.
-const TERMS: usize = 11;
+pub const TERMS: usize = 11;
 
 /// Prior standard deviations: what Kinects are seen to do (a few percent of scale, a few tenths of a pixel of warp).
 const PRIOR_SD: [f64; TERMS] = [0.03, 0.25, 0.15, 0.15, 0.12, 0.12, 0.12, 0.06, 0.06, 0.06, 0.06];
+
+/// How far a sensor drifts from its calibration: some tenths of a percent of scale, hundredths of a pixel of warp.
+const DRIFT_SD: [f64; TERMS] = [0.003, 0.04, 0.02, 0.02, 0.02, 0.02, 0.02, 0.01, 0.01, 0.01, 0.01];
 
 /// Neighbouring pixels err alike, all pixels of a view share its pose's error, and cameras are never quite as modelled:
 /// this many pixels tell as much as one independent one.
@@ -37,6 +40,28 @@ pub struct DepthCalibration {
     pub error_metres: [f64; 2],
     /// Half the image size, for scaling coordinates.
     half: [f64; 2],
+}
+
+/// What is known of a sensor's errors before the scan.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CalibrationPrior {
+    /// `a, c0..`: see the module's head.
+    pub coefficients: [f64; TERMS],
+    /// How far they may be off.
+    pub standard_deviations: [f64; TERMS],
+}
+
+impl CalibrationPrior {
+    /// What Kinects are seen to do, each of its own.
+    pub fn of_any_kinect() -> Self {
+        Self { coefficients: [0.0; TERMS], standard_deviations: PRIOR_SD }
+    }
+
+    /// What one sensor did when it was calibrated: it drifts with its temperature, so that much stays open.
+    pub fn of_this_sensor(coefficients: [f64; TERMS], standard_deviations: [f64; TERMS]) -> Self {
+        let with_drift = |i: usize| standard_deviations[i].hypot(DRIFT_SD[i]).min(PRIOR_SD[i]);
+        Self { coefficients, standard_deviations: std::array::from_fn(with_drift) }
+    }
 }
 
 /// One board pixel: where, what was measured, what the markers say.
@@ -60,6 +85,15 @@ impl DepthCalibration {
             residual_px: 0.0,
             error_metres: [0.0; 2],
             half: [width as f64 / 2.0, height as f64 / 2.0],
+        }
+    }
+
+    /// What is believed before a scan shows anything.
+    pub fn from_prior(prior: &CalibrationPrior, width: usize, height: usize) -> Self {
+        Self {
+            coefficients: prior.coefficients,
+            standard_deviations: prior.standard_deviations,
+            ..Self::identity(width, height)
         }
     }
 
@@ -103,16 +137,22 @@ pub fn board_disparity(
 
 /// Fits the calibration to board pixels, trimming what does not lie on the board.
 ///
-/// `width`, `height` are the image's. With too few samples the identity comes back.
-pub fn fit(samples: &[BoardSample], width: usize, height: usize) -> DepthCalibration {
-    let mut calibration = DepthCalibration::identity(width, height);
+/// `width`, `height` are the image's. With too few samples the prior comes back.
+pub fn fit(
+    samples: &[BoardSample],
+    width: usize,
+    height: usize,
+    prior: &CalibrationPrior,
+) -> DepthCalibration {
+    let believed = DepthCalibration::from_prior(prior, width, height);
+    let mut calibration = believed;
     if samples.len() < 500 {
         return calibration;
     }
     let mut gate = f64::INFINITY;
     for _ in 0..6 {
-        let Some((coefficients, variances)) = solve(samples, &calibration, gate) else {
-            return DepthCalibration::identity(width, height);
+        let Some((coefficients, variances)) = solve(samples, &calibration, prior, gate) else {
+            return believed;
         };
         calibration.coefficients = coefficients;
         calibration.standard_deviations = variances.map(f64::sqrt);
@@ -131,7 +171,12 @@ fn residual(s: &BoardSample, calibration: &DepthCalibration) -> f64 {
 }
 
 /// One weighted least-squares solution over the samples inside the gate: coefficients and their variances.
-fn solve(samples: &[BoardSample], at: &DepthCalibration, gate: f64) -> Option<([f64; TERMS], [f64; TERMS])> {
+fn solve(
+    samples: &[BoardSample],
+    at: &DepthCalibration,
+    prior: &CalibrationPrior,
+    gate: f64,
+) -> Option<([f64; TERMS], [f64; TERMS])> {
     let sigma = if at.residual_px > 0.0 { at.residual_px } else { 0.1 };
     let weight = 1.0 / (sigma * sigma * CORRELATED_PIXELS);
     let mut normal = DMatrix::<f64>::zeros(TERMS, TERMS);
@@ -147,7 +192,9 @@ fn solve(samples: &[BoardSample], at: &DepthCalibration, gate: f64) -> Option<([
         }
     }
     for i in 0..TERMS {
-        normal[(i, i)] += 1.0 / (PRIOR_SD[i] * PRIOR_SD[i]);
+        let weight = 1.0 / prior.standard_deviations[i].powi(2);
+        normal[(i, i)] += weight;
+        right[i] += weight * prior.coefficients[i];
     }
     normal.fill_upper_triangle_with_lower_triangle();
     let cholesky = normal.cholesky()?;
@@ -209,7 +256,7 @@ mod tests {
     #[test]
     fn scale_and_warp_are_found() {
         let warp = |u: f64, v: f64| 0.1 + 0.1 * (u / 320.0 - 1.0) - 0.08 * (v / 240.0 - 1.0).powi(2);
-        let found = fit(&samples(-0.015, warp, 40.0..75.0), 640, 480);
+        let found = fit(&samples(-0.015, warp, 40.0..75.0), 640, 480, &CalibrationPrior::of_any_kinect());
         assert!((found.coefficients[0] + 0.015).abs() < 4e-4, "{:?}", found.coefficients);
         for (u, v) in [(100.0, 100.0), (320.0, 240.0), (500.0, 400.0)] {
             let measured = (50.0 - warp(u, v)) / 0.985;
@@ -219,7 +266,7 @@ mod tests {
 
     #[test]
     fn right_depth_stays_right() {
-        let found = fit(&samples(0.0, |_, _| 0.0, 40.0..75.0), 640, 480);
+        let found = fit(&samples(0.0, |_, _| 0.0, 40.0..75.0), 640, 480, &CalibrationPrior::of_any_kinect());
         assert!((found.correct(320.0, 240.0, 50.0) - 50.0).abs() < 0.01);
     }
 
@@ -227,8 +274,25 @@ mod tests {
     fn outliers_and_too_few_samples_do_no_harm() {
         let mut some = samples(0.01, |_, _| 0.0, 40.0..75.0);
         some.iter_mut().step_by(8).for_each(|s| s.measured_px += 4.0);
-        let found = fit(&some, 640, 480);
+        let found = fit(&some, 640, 480, &CalibrationPrior::of_any_kinect());
         assert!((found.correct(320.0, 240.0, 50.0) - 50.5).abs() < 0.02);
-        assert_eq!(fit(&some[..100], 640, 480).coefficients, [0.0; TERMS]);
+        let few = fit(&some[..100], 640, 480, &CalibrationPrior::of_any_kinect());
+        assert_eq!(few.coefficients, [0.0; TERMS]);
+    }
+
+    #[test]
+    fn a_calibrated_sensor_keeps_its_scale_where_one_distance_tells_nothing_of_it() {
+        let one_height = samples(-0.02, |_, _| 0.0, 49.0..51.0);
+        let anyone = fit(&one_height, 640, 480, &CalibrationPrior::of_any_kinect());
+        let many_heights =
+            fit(&samples(-0.02, |_, _| 0.0, 35.0..80.0), 640, 480, &CalibrationPrior::of_any_kinect());
+        let prior =
+            CalibrationPrior::of_this_sensor(many_heights.coefficients, many_heights.standard_deviations);
+        let known = fit(&one_height, 640, 480, &prior);
+        let off = |c: &DepthCalibration| (c.correct(320.0, 240.0, 80.0 / 0.98) - 80.0).abs();
+        assert!(off(&known) < 0.1 && off(&known) < 0.5 * off(&anyone), "{} {}", off(&known), off(&anyone));
+        assert!(known.standard_deviations[0] < 0.5 * anyone.standard_deviations[0]);
+        let none = fit(&[], 640, 480, &prior);
+        assert_eq!(none.coefficients, many_heights.coefficients);
     }
 }

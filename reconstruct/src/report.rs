@@ -83,6 +83,9 @@ pub struct CalibrationReport {
     pub board_error_after_mm: f64,
     /// Board pixels that took part.
     pub samples: usize,
+    /// Whether the sensor's own kept calibration was the starting point.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub of_this_sensor: bool,
 }
 
 /// Why a view is not part of the model.

@@ -64,6 +64,8 @@ pub enum Command {
     Rebuild(commands::rebuild::Args),
     /// Build the 3D model of a recording
     Build(commands::build::Args),
+    /// Learn how one sensor's depth errs, for all its later recordings
+    Calibrate(commands::calibrate::Args),
     /// Write a marker board to print
     Board(commands::board::Args),
     /// Bring in recordings and models of other programs
@@ -97,6 +99,7 @@ pub fn run(cli: &Cli) -> anyhow::Result<u8> {
         Command::Devices(args) => commands::devices::run(args, &ui),
         Command::Rebuild(args) => commands::rebuild::run(args, &ui),
         Command::Build(args) => commands::build::run(args, &ui),
+        Command::Calibrate(args) => commands::calibrate::run(args, &ui),
         Command::Board(args) => commands::board::run(args, &ui),
         Command::Import(args) => commands::import::run(args, &ui),
         Command::Record(args) => commands::record::run(args, &ui),

@@ -2,6 +2,7 @@
 
 pub mod board;
 pub mod build;
+pub mod calibrate;
 pub mod capture;
 pub mod completions;
 pub mod demo;

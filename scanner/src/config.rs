@@ -1,6 +1,7 @@
 //! All settings of a build in one place, with their defaults derived from the few things a user says.
 
 use reconstruct::average::AverageConfig;
+use reconstruct::calibrate::CalibrationPrior;
 use reconstruct::consistency::ConsistencyConfig;
 use reconstruct::fuse::FuseConfig;
 use reconstruct::marker::{DetectConfig, PoseConfig};
@@ -38,6 +39,8 @@ pub struct Config {
     pub refine: RefineConfig,
     /// Which views fit.
     pub consistency: ConsistencyConfig,
+    /// What is known of this sensor's depth errors from its calibration; none for any Kinect.
+    pub depth_prior: Option<CalibrationPrior>,
     /// Fusion.
     pub fuse: FuseConfig,
 }

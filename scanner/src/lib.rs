@@ -14,4 +14,5 @@ pub mod recording;
 pub mod result;
 pub mod simulate;
 pub mod ui;
+pub mod unit_calibration;
 pub mod upload;

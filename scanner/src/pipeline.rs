@@ -46,7 +46,7 @@ pub fn build(source: &dyn ViewSource, config: &Config, ui: &Ui) -> Result<Scan, 
     stages.run("markers", |_| markers::place_on_board(&mut scan, source.board(), config))?;
     if scan.has_board() {
         if config.method == Method::Joint {
-            stages.run("calibrate", |_| depth::calibrate(&mut scan))?;
+            stages.run("calibrate", |_| depth::calibrate(&mut scan, config))?;
         }
         stages.run("cut", |_| cut::cut_background(&mut scan, config))?;
     } else {
@@ -61,7 +61,7 @@ pub fn build(source: &dyn ViewSource, config: &Config, ui: &Ui) -> Result<Scan, 
             stages.run("source chain", |_| source_chain::register_as_the_source(&mut scan, config.seed))?
         }
     };
-    let (cloud, mut report) = outcome::judge(&scan, cloud, stages.timings());
+    let (cloud, mut report) = outcome::judge(&scan, cloud, config, stages.timings());
     report.source_chain = source_report;
     Ok(Scan { cloud, report })
 }

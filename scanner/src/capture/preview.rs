@@ -84,7 +84,7 @@ pub fn of_view(rig: Rig, board: &KnownBoard, images: ViewImages) -> Result<ViewP
     let mut work =
         load::load_and_average(&source, &config, &ui.stage("load", 1)).map_err(|e| e.to_string())?;
     markers::place_on_board(&mut work, Some(&board), &config);
-    depth::calibrate(&mut work);
+    depth::calibrate(&mut work, &config);
     cut::cut_background(&mut work, &config);
     let view = &work.views[0];
     if let Some(reason) = &view.left_out {

@@ -15,6 +15,7 @@ use crate::pipeline;
 use crate::recording::Recording;
 use crate::result;
 use crate::ui::Ui;
+use crate::unit_calibration;
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
@@ -38,6 +39,9 @@ pub struct Args {
     /// Place the views by their surfaces alone, without the marker board
     #[arg(long)]
     pub no_board: bool,
+    /// Do without what `scan-product calibrate` found out about this sensor
+    #[arg(long)]
+    pub no_calibration: bool,
     /// Seed of every random choice: the same seed gives the same bytes
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
@@ -46,7 +50,7 @@ pub struct Args {
 impl Args {
     /// The usual build of a recording.
     pub fn of(recording: PathBuf, out: PathBuf) -> Self {
-        Self { recording, out, method: Method::Joint, no_board: false, seed: 1 }
+        Self { recording, out, method: Method::Joint, no_board: false, no_calibration: false, seed: 1 }
     }
 }
 
@@ -57,8 +61,9 @@ pub fn run(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
     if recording.board().is_none() && !args.no_board {
         ui.note("no board.json lies beside recording.json: the views are placed by their surfaces, as with --no-board");
     }
-    let config =
-        Config { method: args.method, no_board: args.no_board, seed: args.seed, ..Config::default() };
+    let depth_prior = if args.no_calibration { None } else { unit_calibration::prior_of(&recording)? };
+    let (method, no_board, seed) = (args.method, args.no_board, args.seed);
+    let config = Config { method, no_board, seed, depth_prior, ..Config::default() };
     let scan = pipeline::build(&recording, &config, ui)?;
     let mesh = Mesh { vertices: scan.cloud, triangles: Vec::new() };
     let writing = ui.stage("write", 1);

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 use reconstruct::average::DisparityMap;
 use reconstruct::board::KnownBoard;
-use reconstruct::calibrate::{self, BoardSample, DepthCalibration};
+use reconstruct::calibrate::{self, BoardSample, CalibrationPrior, DepthCalibration};
 use reconstruct::depth_to_color;
 use reconstruct::image::GrayImage;
 use reconstruct::pose::Pose;
@@ -11,6 +11,7 @@ use reconstruct::recording::Rig;
 use reconstruct::segment::convex_hull;
 
 use super::load::{View, Work};
+use crate::config::Config;
 
 /// White paper around a tag belongs to the board as far as this many times the tag's half side.
 const TAG_SURROUNDINGS: f64 = 1.35;
@@ -36,21 +37,44 @@ pub fn in_color_camera(map: DisparityMap, rig: &Rig) -> DisparityMap {
 }
 
 /// Fits the calibration to the board's pixels of all views and corrects every view.
-pub fn calibrate(scan: &mut Work) {
-    let Some(board) = scan.board.clone() else { return };
+pub fn calibrate(scan: &mut Work, config: &Config) {
+    if scan.board.is_none() {
+        return;
+    }
+    let prior = config.depth_prior.unwrap_or_else(CalibrationPrior::of_any_kinect);
+    let (width, height) = (scan.rig.color.width as usize, scan.rig.color.height as usize);
+    let calibration = calibrate::fit(&board_samples(scan, &prior), width, height, &prior);
+    scan.views.par_iter_mut().for_each(|v| calibration.apply(&mut v.disparity));
+    warn_of_scale(scan, &calibration);
+    scan.calibration = calibration;
+}
+
+/// White pixels of the board in all views that are placed on it.
+pub fn board_samples(scan: &Work, prior: &CalibrationPrior) -> Vec<BoardSample> {
+    let Some(board) = &scan.board else { return Vec::new() };
     let (width, height) = (scan.rig.color.width as usize, scan.rig.color.height as usize);
     let placed = || scan.views.par_iter().filter(|v| v.is_used() && v.world_from_camera.is_some());
     let near_tags: Vec<BoardSample> =
-        placed().flat_map_iter(|v| samples_near_tags(v, &board, &scan.rig)).collect();
-    let mut calibration = calibrate::fit(&near_tags, width, height);
+        placed().flat_map_iter(|v| samples_near_tags(v, board, &scan.rig)).collect();
     // The table under loose sheets need not be where the sheets are, so only they count.
-    if !scan.loose_sheets && calibration.samples > 0 {
-        let more: Vec<BoardSample> =
-            placed().flat_map_iter(|v| samples_on_board(v, &board, &scan.rig, &calibration)).collect();
-        calibration = calibrate::fit(&[near_tags, more].concat(), width, height);
+    if scan.loose_sheets {
+        return near_tags;
     }
+    let first = calibrate::fit(&near_tags, width, height, prior);
+    if first.samples == 0 {
+        return near_tags;
+    }
+    let more = placed().flat_map_iter(|v| samples_on_board(v, board, &scan.rig, &first));
+    let more: Vec<BoardSample> = more.collect();
+    [near_tags, more].concat()
+}
+
+/// Without a board, what the sensor's own calibration says is all that is known.
+pub fn correct_as_calibrated(scan: &mut Work, config: &Config) {
+    let Some(prior) = &config.depth_prior else { return };
+    let (width, height) = (scan.rig.color.width as usize, scan.rig.color.height as usize);
+    let calibration = DepthCalibration::from_prior(prior, width, height);
     scan.views.par_iter_mut().for_each(|v| calibration.apply(&mut v.disparity));
-    warn_of_scale(scan, &calibration);
     scan.calibration = calibration;
 }
 

@@ -23,6 +23,7 @@ const HELD_SD: f64 = 1e-5;
 
 /// Places the views by their surfaces and tells the product from what it stands on.
 pub fn place_by_surfaces(scan: &mut Work, config: &Config) {
+    super::depth::correct_as_calibrated(scan, config);
     let (camera, rays) = (scan.rig.color, &scan.rays);
     scan.views.par_iter_mut().filter(|v| v.is_used()).for_each(|view| {
         let depth: Vec<f32> =

@@ -7,6 +7,7 @@ use reconstruct::report::{CalibrationReport, LeftOut, Report, Verdict, ViewRepor
 use serde_json::{Map, Value};
 
 use super::load::{View, Work};
+use crate::config::Config;
 
 /// Fewer points are no model.
 const MIN_POINTS: usize = 500;
@@ -14,7 +15,12 @@ const MIN_POINTS: usize = 500;
 const PRINT_SCALE_SD: f64 = 0.0015;
 
 /// Measures the cloud and writes the report; a scan that cannot be right comes back without points.
-pub fn judge(scan: &Work, cloud: PointCloud, timings_ms: Map<String, Value>) -> (PointCloud, Report) {
+pub fn judge(
+    scan: &Work,
+    cloud: PointCloud,
+    config: &Config,
+    timings_ms: Map<String, Value>,
+) -> (PointCloud, Report) {
     let mut warnings = scan.warnings.clone();
     let failure = scan.failure.clone().or_else(|| no_agreement(scan)).or_else(|| too_little(&cloud));
     let cloud = if failure.is_some() { PointCloud::default() } else { cloud };
@@ -37,7 +43,7 @@ pub fn judge(scan: &Work, cloud: PointCloud, timings_ms: Map<String, Value>) -> 
         points: cloud.len(),
         dimensions_m: size.map(|s| s.metres.map(|v| round(v, 1e5))),
         dimensions_uncertainty_m: size.map(|s| s.uncertainty_metres.map(|v| round(v, 1e5))),
-        depth_calibration: calibration_report(scan),
+        depth_calibration: calibration_report(scan, config),
         warnings,
         verdict,
         verdict_reason,
@@ -123,7 +129,7 @@ fn view_report(view: &View) -> ViewReport {
     }
 }
 
-fn calibration_report(scan: &Work) -> CalibrationReport {
+fn calibration_report(scan: &Work, config: &Config) -> CalibrationReport {
     let c = &scan.calibration;
     CalibrationReport {
         scale: round(c.depth_scale(), 1e5),
@@ -131,6 +137,7 @@ fn calibration_report(scan: &Work) -> CalibrationReport {
         board_error_before_mm: round(c.error_metres[0] * 1000.0, 1e3),
         board_error_after_mm: round(c.error_metres[1] * 1000.0, 1e3),
         samples: c.samples,
+        of_this_sensor: config.depth_prior.is_some(),
     }
 }
 

@@ -15,6 +15,7 @@ use crate::pipeline::{self, Scan};
 use crate::recording::Recording;
 use crate::result;
 use crate::ui::{Listener, Ui};
+use crate::unit_calibration;
 
 /// Folder of the model inside the recording's.
 pub(super) const MODEL: &str = "model";
@@ -112,7 +113,8 @@ impl Session {
 /// Builds and writes; why there is no model otherwise.
 fn built(folder: &Path, ui: &Ui, is_wanted: impl Fn() -> bool) -> Result<(Shape, Scan, PathBuf), String> {
     let recording = Recording::open(folder).map_err(|e| e.to_string())?;
-    let config = Config { seed: SEED, ..Config::default() };
+    let depth_prior = unit_calibration::prior_of(&recording).map_err(|e| e.to_string())?;
+    let config = Config { seed: SEED, depth_prior, ..Config::default() };
     let mut scan = pipeline::build(&recording, &config, ui).map_err(|e| e.to_string())?;
     if scan.cloud.is_empty() {
         return Err(format!("no model could be built: {}", scan.report.verdict_reason));
