@@ -7,8 +7,8 @@
 mod bad_board;
 mod bad_input;
 mod bad_scans;
-mod devices;
 mod calibrate;
+mod devices;
 mod disk;
 mod imports;
 mod interrupt;

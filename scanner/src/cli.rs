@@ -60,6 +60,8 @@ pub enum Command {
     Resume(commands::resume::Args),
     /// List the depth cameras that are plugged in, and why one cannot be used
     Devices(commands::devices::Args),
+    /// Check a sensor live, and say what to do
+    Doctor(commands::doctor::Args),
     /// Build an old recording anew, keeping the older result aside
     Rebuild(commands::rebuild::Args),
     /// Build the 3D model of a recording
@@ -97,6 +99,7 @@ pub fn run(cli: &Cli) -> anyhow::Result<u8> {
         Command::Capture(args) => commands::capture::run(args, &ui),
         Command::Resume(args) => commands::resume::run(args, &ui),
         Command::Devices(args) => commands::devices::run(args, &ui),
+        Command::Doctor(args) => commands::doctor::run(args, &ui),
         Command::Rebuild(args) => commands::rebuild::run(args, &ui),
         Command::Build(args) => commands::build::run(args, &ui),
         Command::Calibrate(args) => commands::calibrate::run(args, &ui),

@@ -7,6 +7,7 @@ pub mod capture;
 pub mod completions;
 pub mod demo;
 pub mod devices;
+pub mod doctor;
 pub mod import;
 pub mod rebuild;
 pub mod record;

@@ -5,6 +5,7 @@ pub mod capture;
 pub mod cli;
 pub mod commands;
 pub mod config;
+pub mod doctor;
 pub mod import;
 pub mod output;
 pub mod pictures;

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use super::support::{Broken, Ran, clean, json, names, program, simulated};
+use super::support::{Broken, Ran, clean, names, program, simulated};
 
 /// The program with a place of its own for calibrations.
 fn scan_with(calibrations: &Path, arguments: &[&str]) -> Ran {
@@ -16,8 +16,22 @@ fn scan_with(calibrations: &Path, arguments: &[&str]) -> Ran {
 fn on_the_board() -> PathBuf {
     simulated(
         "to-calibrate",
-        &["--product", "bowl", "--views", "10", "--frames", "2", "--scale-error", "0.015", "--seed", "4",
-          "--distances", "0.55,0.7,0.9,1.15", "--elevations", "60,35"],
+        &[
+            "--product",
+            "bowl",
+            "--views",
+            "10",
+            "--frames",
+            "2",
+            "--scale-error",
+            "0.015",
+            "--seed",
+            "4",
+            "--distances",
+            "0.55,0.7,0.9,1.15",
+            "--elevations",
+            "60,35",
+        ],
     )
 }
 
@@ -31,7 +45,7 @@ fn a_calibrated_sensor_measures_right_without_a_board() {
     let home = tempfile::tempdir().unwrap();
     let rec = on_the_board();
     let kept = scan_with(home.path(), &["calibrate", rec.to_str().unwrap(), "--json"]).with_status(0);
-    let kept = json(&kept.out);
+    let kept = serde_json::from_str::<Value>(&kept.out).unwrap();
     let scale = 1.0 / (1.0 + kept["calibration"]["coefficients"][0].as_f64().unwrap());
     // The scale alone is one term of several; what counts is the error on the board.
     let [before, after] = [0, 1].map(|i| kept["calibration"]["error_mm"][i].as_f64().unwrap());
@@ -47,7 +61,7 @@ fn a_calibrated_sensor_measures_right_without_a_board() {
         let fixed = ["build", free.to_str().unwrap(), "--out", out.to_str().unwrap(), "--no-board", "--json"];
         let all: Vec<&str> = fixed.iter().chain(more).copied().collect();
         let ran = scan_with(home.path(), &all).with_status(0);
-        let report = json(&ran.out)["report"].clone();
+        let report = serde_json::from_str::<Value>(&ran.out).unwrap()["report"].clone();
         (longest_side(&report), report["depth_calibration"]["of_this_sensor"] == true)
     };
     let ((with, used), (without, unused)) = (size(&[]), size(&["--no-calibration"]));

@@ -40,11 +40,11 @@ pub struct ViewPreview {
 }
 
 /// One view in memory.
-struct OneView<'a> {
-    rig: Rig,
-    board: &'a BoardFile,
-    name: &'a str,
-    images: ViewImages,
+pub(crate) struct OneView<'a> {
+    pub(crate) rig: Rig,
+    pub(crate) board: &'a BoardFile,
+    pub(crate) name: &'a str,
+    pub(crate) images: ViewImages,
 }
 
 impl ViewSource for OneView<'_> {

@@ -26,7 +26,7 @@ pub fn run(_args: &Args, ui: &Ui) -> anyhow::Result<u8> {
     Ok(DONE)
 }
 
-fn for_machines(look: &Look) -> anyhow::Result<Value> {
+pub(super) fn for_machines(look: &Look) -> anyhow::Result<Value> {
     let mut value = serde_json::to_value(look)?;
     for (index, sensor) in look.sensors.iter().enumerate() {
         value["sensors"][index]["usable"] = sensor.is_usable().into();
@@ -36,7 +36,7 @@ fn for_machines(look: &Look) -> anyhow::Result<Value> {
     Ok(value)
 }
 
-fn in_words(look: &Look) -> String {
+pub(super) fn in_words(look: &Look) -> String {
     let mut words = String::from("Sensors\n");
     for sensor in &look.sensors {
         words += &sensor_in_words(sensor);

@@ -154,6 +154,11 @@ fn board(name: &str, family: Family) -> anyhow::Result<KnownBoard> {
     }
 }
 
+/// The board that a paper's name or a file means, with the usual family.
+pub(super) fn board_named(name: &str) -> anyhow::Result<KnownBoard> {
+    board(name, Family::Aruco4x4_50)
+}
+
 fn read_board(path: &Path) -> anyhow::Result<KnownBoard> {
     let unreadable =
         || format!("{} is neither a paper (a4, a3, a2) nor a board file that can be read", path.display());
