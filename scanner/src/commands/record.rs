@@ -13,15 +13,16 @@ use crate::recording::check_place;
 use crate::ui::Ui;
 
 const AFTER_HELP: &str = "\
-The recording is one moving stream: colour and depth of every frame, without loss. Ctrl-C ends it and
-keeps it. A minute takes 1 to 2 GB.
+The recording is one moving stream: colour and depth of every frame, without loss. Ctrl-C ends it
+and keeps it. A minute takes 1 to 2 GB.
 
 Examples:
   scan-product record --sensor freenect --seconds 20 --out rec       the Kinect
   scan-product record --sensor openni2 --out rec                     an Asus Xtion, until Ctrl-C
   scan-product record --sensor openni2:walk.oni --out rec            a recording of OpenNI's
 
-Exit status 1: the sensor was unplugged or failed, or the disk is nearly full; what came before is kept.";
+Exit status 1: the sensor was unplugged or failed, or the disk is nearly full; what came before is
+kept.";
 
 /// Arguments.
 #[derive(Debug, clap::Args)]

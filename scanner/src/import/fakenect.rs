@@ -3,8 +3,9 @@
 //!
 //! The head of a picture is one line, and depth is little-endian: neither is as PGM has it. Ticks are a 60 MHz counter
 //! of 32 bits that both pictures share. Raw depth becomes millimetres by a common Kinect's constants, in the depth
-//! camera's own geometry; a dump does not say which unit made it. The cameras are the usual ones too: 575.8 pixels for
-//! depth (reference distance / two reference pixels), 525 for colour, the depth camera 25 mm left of the colour camera.
+//! camera's own geometry; a dump does not say which unit made it. The cameras are a common Kinect's too: 575.8 pixels for
+//! depth (reference distance / two reference pixels), the colour camera of its registration table (about 528 pixels), the
+//! depth camera 24 mm left of the colour camera.
 
 use std::path::Path;
 
@@ -23,9 +24,7 @@ const MOST_HEAD: usize = 64;
 /// The largest raw value, which means that nothing was measured.
 const LARGEST_RAW: u16 = 2047;
 const UNITS_PER_METRE: f64 = 1000.0;
-const COLOR_CAMERA: [f64; 4] = [525.0, 525.0, 319.5, 239.5];
 const DEPTH_CAMERA: [f64; 4] = [575.8, 575.8, 319.5, 239.5];
-const DEPTH_CAMERA_X: f64 = -0.025;
 
 /// What a line of the index names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -183,10 +182,13 @@ pub(super) fn read(folder: &Path) -> Result<Source, ImportError> {
             world_from_camera: None,
         });
     }
+    let common = Constants::default();
+    let color_camera = common.color_camera().map(|camera| [camera.fx, camera.fy, camera.cx, camera.cy]);
+    let depth_camera_x = -f64::from(common.color_camera_cm) / 100.0;
     let known = Options {
-        color_camera: Some(COLOR_CAMERA),
+        color_camera,
         depth_camera: Some(DEPTH_CAMERA),
-        color_from_depth: Some(Pose::translation(DEPTH_CAMERA_X, 0.0, 0.0)),
+        color_from_depth: Some(Pose::translation(depth_camera_x, 0.0, 0.0)),
         units_per_metre: Some(UNITS_PER_METRE),
         ..Options::default()
     };
