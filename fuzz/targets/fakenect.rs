@@ -6,8 +6,8 @@ use scanner::import::fakenect;
 
 fn seeds() -> Vec<Vec<u8>> {
     let index = "a-1000.1-4294000000.dump\nd-1000.100000-4294000000.pgm\nr-1000.12-1032704.ppm\n";
-    let depth = [b"P5 4 3 65535\n".as_slice(), &[0x2c, 0x01].repeat(12)].concat();
-    let color = [b"P6 4 3 255 \n".as_slice(), &[7; 36]].concat();
+    let depth = [b"P5 4 3 65535\n".as_slice(), [0x2c, 0x01].repeat(12).as_slice()].concat();
+    let color = [b"P6 4 3 255 \n".as_slice(), [7; 36].as_slice()].concat();
     vec![index.as_bytes().to_vec(), depth, color]
 }
 

@@ -8,8 +8,8 @@ use std::collections::VecDeque;
 /// Half the time between frames at 30 a second, and a little for their jitter, nanoseconds.
 pub const HALF_FRAME_NANOS: u64 = 17_000_000;
 
-/// Images that may wait for their partner, a stream.
-const WAITING: usize = 4;
+/// Images that may wait for their partner, a stream: half a second, as long as a busy computer may hold up the other one.
+const WAITING: usize = 15;
 
 /// Two streams being paired.
 #[derive(Debug)]

@@ -22,8 +22,8 @@ use crate::wire::Failure;
 /// it in about one of eight runs; with this pause none of hundreds did.
 const REST: Duration = Duration::from_millis(30);
 
-/// Images of a sensor that may wait to be sent: a third of a second, 15 MB.
-const WAITING: usize = 20;
+/// Images of a sensor that may wait to be sent: half a second, 25 MB.
+const WAITING: usize = 30;
 
 /// A device with a depth and a colour stream.
 pub(super) struct Device<'a> {
