@@ -217,11 +217,10 @@ fn take_frames(
             Event::Ended => return Ok(End::SourceEnded),
             Event::Unplugged => return Ok(End::Unplugged),
             Event::Failed(words) => return Ok(End::Failed(words)),
-            Event::Still(_) => {}
             Event::Nothing if last.elapsed() > MOST_SILENCE => {
                 return Ok(End::Failed("the sensor sends no pictures".to_owned()));
             }
-            Event::Nothing => {}
+            Event::Nothing | Event::Still(_) => {}
         }
     }
 }

@@ -167,14 +167,14 @@ fn dump(folder: &Path, pairs: u32) {
     let mut index = String::new();
     let mut put = |name: String, bytes: Vec<u8>| {
         fs::write(folder.join(&name), bytes).unwrap();
-        index += &format!("{name}\n");
+        index.extend([name.as_str(), "\n"]);
     };
     let start = 0u32.wrapping_sub(2_000_000 * (pairs / 2));
     for i in 0..pairs {
         let ticks = start.wrapping_add(i * 2_000_000);
         put(format!("a-1000.{i:06}-{ticks}.dump"), vec![0; 12]);
         let mut bytes = b"P5 640 480 65535\n".to_vec();
-        let raw = |p: u32| if p % 50 == 0 { 2047 } else { (500 + p % 300 + i) as u16 };
+        let raw = |p: u32| if p.is_multiple_of(50) { 2047 } else { (500 + p % 300 + i) as u16 };
         bytes.extend((0..640 * 480).flat_map(|p| raw(p).to_le_bytes()));
         put(format!("d-1000.{i:06}-{ticks}.pgm"), bytes);
         let mut bytes = b"P6 640 480 255 \n".to_vec();

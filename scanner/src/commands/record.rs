@@ -70,7 +70,8 @@ pub fn run(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
     let stage = ui.stage("recording", whole_seconds);
     let shown = std::cell::Cell::new(0);
     let show = |passed: Duration| {
-        stage.advance(passed.as_secs() - shown.replace(passed.as_secs()).min(passed.as_secs()))
+        let seconds = passed.as_secs();
+        stage.advance(seconds.saturating_sub(shown.replace(seconds)));
     };
     let before = record::usage();
     let started = std::time::Instant::now();
@@ -90,7 +91,7 @@ fn used_since(before: Usage) -> Usage {
     let now = record::usage();
     Usage {
         cpu: now.cpu.saturating_sub(before.cpu),
-        drivers_cpu: now.drivers_cpu - before.drivers_cpu,
+        drivers_cpu: now.drivers_cpu.saturating_sub(before.drivers_cpu),
         ..now
     }
 }
