@@ -18,6 +18,7 @@ use std::time::{Duration, Instant};
 use kinect::source::{Control, SensorInfo};
 use reconstruct::board::{BoardFile, Family, KnownBoard};
 use reconstruct::cloud::PointCloud;
+use reconstruct::recording::Device;
 use tokio::sync::watch;
 
 use super::auto::{SECONDS, Trigger};
@@ -33,6 +34,7 @@ use super::state::{
     AutoMode, BoardState, BuildState, OpenSensor, PreviewState, PublishState, State, Step, TakenView, Taking,
 };
 use crate::simulate::{Paper, ring};
+use crate::unit_calibration;
 
 /// Result of an order.
 pub type Done = Result<(), Refusal>;
@@ -241,7 +243,7 @@ impl Session {
                     address: info.address.clone(),
                     model: info.model.clone(),
                     serial: info.serial.clone(),
-                    calibrated: false,
+                    calibrated: is_calibrated(info),
                     running: true,
                     trouble: None,
                 });
@@ -418,6 +420,12 @@ fn lock(journal: &Mutex<Journal>) -> MutexGuard<'_, Journal> {
 }
 
 /// The board of a choice, with what the seller should know of it.
+/// Whether builds of its recordings will use a calibration of its own; one that cannot be read is told by the build.
+fn is_calibrated(sensor: &SensorInfo) -> bool {
+    let device = Device { backend: sensor.backend.clone(), serial: sensor.serial.clone() };
+    matches!(unit_calibration::of_sensor(&device, &sensor.rig), Ok(Some(_)))
+}
+
 fn board_of(choice: &BoardChoice) -> Result<Board, Refusal> {
     match choice {
         BoardChoice::Paper(paper) => {
