@@ -226,11 +226,9 @@ mod tests {
     fn at_its_own_pace_it_takes_its_time() {
         let home = recording();
         let mut replay = open(OWN_PACE, &home);
-        replay.start().unwrap();
         let started = Instant::now();
-        assert!(matches!(replay.next_event(Duration::ZERO), Event::Frame(_)));
-        assert!(matches!(replay.next_event(Duration::ZERO), Event::Nothing));
-        assert_eq!(play(&mut replay).len(), 3);
+        replay.start().unwrap();
+        assert_eq!(play(&mut replay).len(), 4);
         assert!(started.elapsed() >= Duration::from_millis(60), "{:?}", started.elapsed());
     }
 
