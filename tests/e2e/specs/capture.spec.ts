@@ -172,7 +172,7 @@ test("hints are said when they stay, and not while they flicker", async ({ page,
   const said: string[] = [];
   await page.exposeFunction("noteSaid", (text: string) => said.push(text));
   await page.evaluate(() => {
-    const line = [...document.querySelectorAll("p.visually-hidden[role=status]")].at(-1);
+    const line = document.querySelector(".light-voice");
     const note = (window as unknown as { noteSaid(text: string): void }).noteSaid;
     if (line?.textContent) note(line.textContent);
     if (line) new MutationObserver(() => note(line.textContent ?? "")).observe(line, { childList: true });

@@ -16,11 +16,13 @@ export interface LightBox {
   show(header: PictureHeader): void;
 }
 
-export function makeLight(signal: AbortSignal, say: (text: string) => void): LightBox {
+export function makeLight(signal: AbortSignal): LightBox {
   const symbol = h("span", { class: "light-symbol", "aria-hidden": "true" }, "…");
   const word = h("p", { class: "light-word" }, t.waiting);
   const hints = h("ul", { class: "light-hints" });
-  const element = h("div", { class: "light" }, symbol, h("div", {}, word, hints));
+  // Its own voice: what the seller did and what came of it is said elsewhere, and neither may cut the other short.
+  const voice = h("p", { class: "visually-hidden light-voice", role: "status" });
+  const element = h("div", { class: "light" }, symbol, h("div", {}, word, hints), voice);
   const speaker = new Speaker();
   let shown = "";
   let shownAt = Number.NEGATIVE_INFINITY;
@@ -49,7 +51,7 @@ export function makeLight(signal: AbortSignal, say: (text: string) => void): Lig
       pictureAt = now;
       const sorted = worstFirst(all);
       const aloud = speaker.next(sorted, now);
-      if (aloud !== null) say(aloud);
+      if (aloud !== null) voice.textContent = aloud;
       if (now - shownAt < TEXT_MILLIS && element.dataset.light === light) return;
       shownAt = now;
       // The title says already that all is well.

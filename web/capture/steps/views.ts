@@ -15,7 +15,7 @@ const t = texts.views;
 const LEAST_VIEWS = 3;
 
 export const views: MakeStep = (app, first, signal) => {
-  const light = makeLight(signal, app.say);
+  const light = makeLight(signal);
   const live = makeLiveView(signal, light.show);
   const taking = makeTaking(app, signal);
   const station = makeStation(app);
