@@ -54,7 +54,7 @@ Exit status: 0 done; 1 the recording gives no good scan (report.json says why);
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Be led from the sensor to the listing, on a page in the browser (without a command, too)
+    /// Be led from the sensor to the listing, on a page in the browser
     Capture(commands::capture::Args),
     /// Go on with a recording that was not finished
     Resume(commands::resume::Args),

@@ -4,15 +4,17 @@ use serde_json::Value;
 
 use super::support::{Broken, build, command, mug, scan};
 
-const COMMANDS: [&str; 12] = [
+const COMMANDS: [&str; 14] = [
     "capture",
     "resume",
-    "rebuild",
-    "record",
     "devices",
+    "doctor",
+    "rebuild",
     "build",
+    "calibrate",
     "board",
     "import",
+    "record",
     "simulate",
     "upload",
     "demo",

@@ -415,6 +415,12 @@ impl Inner {
     }
 }
 
+/// Whether builds will use what is known of this very unit.
+fn is_calibrated(sensor: &SensorInfo) -> bool {
+    let device = Device { backend: sensor.backend.clone(), serial: sensor.serial.clone() };
+    crate::unit_calibration::of_sensor(&device, &sensor.rig).is_ok_and(|kept| kept.is_some())
+}
+
 fn lock(journal: &Mutex<Journal>) -> MutexGuard<'_, Journal> {
     journal.lock().unwrap_or_else(PoisonError::into_inner)
 }
