@@ -17,7 +17,7 @@ fn a_capture_is_gone_on_with_and_built_anew() {
     }
     let before = daemon.state();
     let folder = before["folder"].as_str().unwrap().to_owned();
-    assert!(Daemon::refuses_to_start(&["resume", &folder]).contains("another scan-product"));
+    assert!(Daemon::refuses_to_start(&["resume", &folder]).contains("Another scan-product"));
     daemon.kill();
 
     let daemon = Daemon::start(&["resume", out.path().to_str().unwrap()]);
