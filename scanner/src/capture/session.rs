@@ -415,23 +415,17 @@ impl Inner {
     }
 }
 
-/// Whether builds will use what is known of this very unit.
-fn is_calibrated(sensor: &SensorInfo) -> bool {
-    let device = Device { backend: sensor.backend.clone(), serial: sensor.serial.clone() };
-    crate::unit_calibration::of_sensor(&device, &sensor.rig).is_ok_and(|kept| kept.is_some())
-}
-
 fn lock(journal: &Mutex<Journal>) -> MutexGuard<'_, Journal> {
     journal.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The board of a choice, with what the seller should know of it.
 /// Whether builds of its recordings will use a calibration of its own; one that cannot be read is told by the build.
 fn is_calibrated(sensor: &SensorInfo) -> bool {
     let device = Device { backend: sensor.backend.clone(), serial: sensor.serial.clone() };
     matches!(unit_calibration::of_sensor(&device, &sensor.rig), Ok(Some(_)))
 }
 
+/// The board of a choice, with what the seller should know of it.
 fn board_of(choice: &BoardChoice) -> Result<Board, Refusal> {
     match choice {
         BoardChoice::Paper(paper) => {
