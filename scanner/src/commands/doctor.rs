@@ -1,5 +1,7 @@
 //! `scan-product doctor`: what is plugged in, and a live check of a sensor with what to do in words.
 
+use std::fmt::Write;
+
 use anyhow::Context;
 use kinect::probe;
 use kinect::source::SensorInfo;
@@ -36,7 +38,7 @@ pub struct Args {
 }
 
 fn seconds(text: &str) -> Result<f64, String> {
-    let seconds: f64 = text.parse().map_err(|_| "write seconds, as 3".to_owned())?;
+    let seconds: f64 = text.parse().map_err(|e| format!("write seconds, as 3 ({e})"))?;
     if (0.5..=600.0).contains(&seconds) { Ok(seconds) } else { Err("0.5 to 600 seconds".to_owned()) }
 }
 
@@ -82,7 +84,8 @@ fn in_words(sensor: &SensorInfo, findings: &[Finding], has_board: bool) -> Strin
             Level::Yellow => "note",
             Level::Red => "!   ",
         };
-        words += &format!("  {sign} {}\n", finding.text);
+        // Writing into memory does not fail.
+        let _ = writeln!(words, "  {sign} {}", finding.text);
     }
     if !has_board {
         words += "  Not checked: markers, print and depth scale. Name the board, as --board a3.\n";
