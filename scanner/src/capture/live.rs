@@ -168,6 +168,11 @@ impl Live {
     fn place(&self, tags: &[Detection]) -> (Board, Option<BoardPose>) {
         let Some(board) = &self.board else { return (Board::NotChosen, None) };
         match board_pose(tags, board, &self.rig.color, &PoseConfig::default()) {
+            // A few tags of another board can agree by chance.
+            Ok(pose) if pose.rejected.len() > pose.used.len() => (
+                Board::Unknown("most of its markers do not lie where the chosen board has them".to_owned()),
+                None,
+            ),
             Ok(pose) => (Board::Placed(pose.used.len(), board.tags.len()), Some(pose)),
             Err(BoardPoseError::NoTags) => (Board::Hidden(0), None),
             Err(BoardPoseError::OneTag(_)) => (Board::Hidden(1), None),
