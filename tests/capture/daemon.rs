@@ -21,9 +21,9 @@ pub(crate) struct Daemon {
     pub(crate) agent: ureq::Agent,
 }
 
-/// An agent that gives answers of every status.
+/// An agent that gives answers of every status. It keeps no connection: one on which a body was refused is closed.
 pub(crate) fn agent() -> ureq::Agent {
-    ureq::Agent::config_builder().http_status_as_error(false).build().new_agent()
+    ureq::Agent::config_builder().http_status_as_error(false).max_idle_connections(0).build().new_agent()
 }
 
 impl Daemon {
