@@ -36,13 +36,14 @@ const MAY_BE_TWICE: &[&str] = &[
     "base64",
     "bitflags",
     "block-buffer",
+    "core-foundation",
     "cpufeatures",
     "crypto-common",
     "digest",
     "foldhash",
     "getrandom",
-    "hashbrown",
     "glam",
+    "hashbrown",
     "heck",
     "itertools",
     "linux-raw-sys",
@@ -53,6 +54,8 @@ const MAY_BE_TWICE: &[&str] = &[
     "rand_core",
     "rustc-hash",
     "rustix",
+    "security-framework",
+    "sha1",
     "sha2",
     "syn",
     "thiserror",
@@ -64,8 +67,6 @@ const MAY_BE_TWICE: &[&str] = &[
     "winnow",
     "wit-bindgen",
     "zerocopy",
-    "core-foundation",
-    "security-framework",
 ];
 
 fn main() -> ExitCode {
