@@ -10,6 +10,7 @@ mod bad_scans;
 mod calibrate;
 mod devices;
 mod disk;
+mod doctor;
 mod imports;
 mod interrupt;
 mod method_source;
