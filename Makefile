@@ -17,7 +17,7 @@ demo: build ## scan with the simulated Kinect (or RECORDING=path), build, serve,
 
 test: ## everything: lints, unit, property, cross-crate, browser and fuzz tests
 	deploy/setup.sh test
-	$(MAKE) lint licences test-web build test-rust test-drivers test-browser fuzz
+	$(MAKE) lint test-web build licences test-rust test-browser fuzz
 	DEMO_EXIT=1 $(MAKE) demo
 	@echo "make test: all passed"
 
@@ -35,11 +35,12 @@ lint: web ## format, clippy, rustdoc, TypeScript and web lints, all as errors
 	cd web && npm run lint && npm run check
 	cd tests/e2e && $(NPM_INSTALL) && npm run lint && npm run check
 
-test-rust: build ## unit, property, snapshot and cross-crate tests (the drivers' own are in test-drivers)
+test-rust: build ## unit, property, snapshot and cross-crate tests, test-drivers among them
+	deploy/setup.sh test
 	cd tests/gltf && $(NPM_INSTALL)
-	cargo test $(CARGO_FLAGS) --workspace --exclude kinect
+	SCAN_REQUIRE_DRIVERS=1 cargo test $(CARGO_FLAGS) --workspace
 
-test-drivers: ## the depth cameras' real C libraries, on simulated sensors, recordings and dumps
+test-drivers: ## the depth cameras' real C libraries alone, on simulated sensors, recordings and dumps
 	deploy/setup.sh test
 	SCAN_REQUIRE_DRIVERS=1 cargo test $(CARGO_FLAGS) -p kinect
 
@@ -53,8 +54,8 @@ fuzz: ## every parser of outside bytes, FUZZ_SECONDS each
 	deploy/setup.sh test
 	fuzz/run.sh $(FUZZ_SECONDS)
 
-licences: ## licences and duplicate versions of all dependencies
-	cargo run $(CARGO_FLAGS) -q -p tests --bin licences
+licences: build ## licences and duplicate versions of all dependencies
+	target/release/licences
 
 accuracy: ## SCANS simulated scans judged against their truth
 	cargo run $(CARGO_FLAGS) -p tests --bin accuracy -- --scans $(SCANS)
