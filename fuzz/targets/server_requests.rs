@@ -10,6 +10,8 @@ use std::sync::{Mutex, OnceLock};
 use axum::body::Body;
 use axum::http::{Request, Response, header};
 use axum::{Router, body};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use libfuzzer_sys::fuzz_target;
 use serde_json::{Value, json};
 use server::config::{Config, PasswordCost};
@@ -103,13 +105,7 @@ impl Shop {
 }
 
 fn base64(text: &str) -> String {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let chunk = |bytes: &[u8]| {
-        let word = bytes.iter().fold(0u32, |word, &b| word << 8 | u32::from(b)) << (8 * (3 - bytes.len()));
-        let digits = (0..4).map(|k| DIGITS[(word >> (18 - 6 * k)) as usize & 63] as char);
-        digits.enumerate().map(|(k, c)| if k <= bytes.len() { c } else { '=' }).collect::<String>()
-    };
-    text.as_bytes().chunks(3).map(chunk).collect()
+    STANDARD.encode(text)
 }
 
 fn shop() -> &'static Shop {

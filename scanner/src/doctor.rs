@@ -55,7 +55,8 @@ pub struct Watched {
 /// One thing that was checked.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Finding {
-    /// `frame_rate`, `lost_packets`, `computer`, `valid_depth`, `light`, `time_offset`, `pixel_offset`, `tags`, `depth_scale`.
+    /// `frame_rate`, `lost_packets`, `computer`, `valid_depth`, `light`, `time_offset`, `pixel_offset`, `tags`,
+    /// `duplicate_tags`, `depth_scale`.
     pub code: &'static str,
     /// Green: well; yellow: could be better; red: no good scan this way.
     pub level: Level,

@@ -98,10 +98,11 @@ impl UnitCalibration {
         CalibrationPrior::of_this_sensor(self.coefficients, self.standard_deviations)
     }
 
-    /// Whether it was made with pictures of this geometry.
-    pub fn fits(&self, rig: &Rig) -> bool {
+    /// Whether it is of this very sensor, and was made with pictures of this geometry.
+    pub fn fits(&self, device: &Device, rig: &Rig) -> bool {
         let same_size = (self.width, self.height) == (rig.color.width, rig.color.height);
-        same_size && (self.fx - rig.color.fx).abs() < SAME_CAMERA_PX
+        // Two serial numbers may look alike as names of files.
+        self.device == *device && same_size && (self.fx - rig.color.fx).abs() < SAME_CAMERA_PX
     }
 
     /// Metres at a disparity.
@@ -126,7 +127,7 @@ impl UnitCalibration {
 /// The calibration kept for a sensor; none where there is none, or none that fits its pictures.
 pub fn of_sensor(device: &Device, rig: &Rig) -> Result<Option<UnitCalibration>, UnitCalibrationError> {
     let (Some(folder), Ok(name)) = (folder(), file_name(device)) else { return Ok(None) };
-    Ok(load(&folder.join(name))?.filter(|calibration| calibration.fits(rig)))
+    Ok(load(&folder.join(name))?.filter(|calibration| calibration.fits(device, rig)))
 }
 
 /// What a build of a recording believes of its sensor's depth; none where the sensor was never calibrated.
@@ -181,6 +182,9 @@ fn file_name(device: &Device) -> Result<String, UnitCalibrationError> {
 
 #[cfg(test)]
 mod tests {
+    use reconstruct::camera::Intrinsics;
+    use reconstruct::pose::Pose;
+
     use super::*;
 
     fn device(serial: &str) -> Device {
@@ -218,6 +222,11 @@ mod tests {
             |kept: &UnitCalibration| std::fs::write(&path, serde_json::to_vec(kept).unwrap()).unwrap();
         write(&kept);
         assert_eq!(load(&path).unwrap().unwrap(), kept);
+        let camera = Intrinsics::pinhole(640, 480, 525.0, 525.0, 319.5, 239.5);
+        let rig = Rig { color: camera, depth: camera, color_from_depth: Pose::identity() };
+        let other = Rig { color: Intrinsics { fx: 580.0, ..camera }, ..rig };
+        assert!(kept.fits(&device("A1"), &rig));
+        assert!(!kept.fits(&device("A_1"), &rig) && !kept.fits(&device("A1"), &other));
         kept.coefficients[0] = 7.0;
         write(&kept);
         assert!(load(&path).unwrap_err().to_string().contains("make it anew"));
