@@ -19,6 +19,11 @@ pub const POSTER_BYTES: usize = 100_000;
 
 /// Writes the files of a built model into `out`; with an empty mesh only the report.
 pub fn write(out: &Path, mesh: &Mesh, report: &impl Serialize) -> Result<(), OutputError> {
+    write_beside(out, mesh, report)?.commit()
+}
+
+/// As [`write`], but `out` stays as it is until what this returns is committed.
+pub fn write_beside(out: &Path, mesh: &Mesh, report: &impl Serialize) -> Result<OutputDir, OutputError> {
     let dir = OutputDir::begin(out, &FILES)?;
     if !mesh.vertices.is_empty() {
         write_model(&dir, mesh)?;
@@ -27,7 +32,7 @@ pub fn write(out: &Path, mesh: &Mesh, report: &impl Serialize) -> Result<(), Out
         serde_json::to_writer_pretty(&mut *file, report)?;
         io::Write::write_all(file, b"\n")
     })?;
-    dir.commit()
+    Ok(dir)
 }
 
 /// Writes a model's files and its poster, all at the same time.

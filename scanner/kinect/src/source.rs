@@ -26,6 +26,11 @@ pub trait Source: Send {
 
     /// Stops the streams and switches the projector off. Stopping twice is no error.
     fn stop(&mut self);
+
+    /// Azimuth around the product, radians, of one that stands where it is told to ([`Control::Station`]).
+    fn station(&self) -> Option<f64> {
+        None
+    }
 }
 
 /// What a sensor is.
@@ -91,7 +96,9 @@ pub enum Led {
     Green,
     /// Taking a view.
     BlinkGreen,
-    /// Something is wrong.
+    /// A view can be taken, but something could be better.
+    Yellow,
+    /// Something must be changed.
     Red,
 }
 

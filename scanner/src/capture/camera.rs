@@ -7,7 +7,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use kinect::source::{Control, Event, Frame, SensorInfo, Source, SourceError};
+use kinect::source::{Ability, Control, Event, Frame, Led, SensorInfo, Source, SourceError};
 
 /// How long to wait for an event before looking at orders.
 const PATIENCE: Duration = Duration::from_millis(50);
@@ -86,15 +86,19 @@ impl Frames {
 }
 
 /// How the sensor is.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Health {
     pub running: bool,
     /// What is wrong, in a sentence.
     pub trouble: Option<String>,
+    /// Where it stands, where it stands where it is told to.
+    pub station: Option<f64>,
 }
 
 enum Order {
     Control(Control, Sender<Result<(), SourceError>>),
+    /// Nobody waits for it.
+    Lamp(Led),
     Stop,
 }
 
@@ -102,6 +106,7 @@ enum Order {
 #[derive(Debug)]
 pub struct Camera {
     info: SensorInfo,
+    station: Option<f64>,
     orders: Sender<Order>,
     thread: Option<JoinHandle<()>>,
 }
@@ -114,19 +119,31 @@ impl Camera {
         report: impl Fn(Health) + Send + 'static,
     ) -> Result<Self, SourceError> {
         source.start()?;
-        let info = source.sensor().clone();
+        let (info, station) = (source.sensor().clone(), source.station());
         let (orders, inbox) = mpsc::channel();
-        let mut watch = Watch { source, frames, report, last: Instant::now(), health: None };
+        let lamp = Lamp::default();
+        let mut watch = Watch { source, frames, report, last: Instant::now(), health: None, lamp };
         let thread = std::thread::Builder::new()
             .name("sensor".to_owned())
             .spawn(move || watch.run(&inbox))
             .map_err(|e| SourceError::Driver(e.to_string()))?;
-        Ok(Self { info, orders, thread: Some(thread) })
+        Ok(Self { info, station, orders, thread: Some(thread) })
     }
 
     /// What it is.
     pub fn info(&self) -> &SensorInfo {
         &self.info
+    }
+
+    /// Where it stood when it was started.
+    pub fn station(&self) -> Option<f64> {
+        self.station
+    }
+
+    /// Shows something by the lamp, where there is one that works; nobody has to wait for it.
+    pub fn show(&self, led: Led) {
+        // A sensor that was closed shows nothing.
+        let _ = self.orders.send(Order::Lamp(led));
     }
 
     /// Where orders go: usable without holding the camera.
@@ -166,6 +183,16 @@ struct Watch<R> {
     report: R,
     last: Instant,
     health: Option<Health>,
+    lamp: Lamp,
+}
+
+/// What the lamp is to show.
+#[derive(Debug, Default)]
+struct Lamp {
+    wanted: Option<Led>,
+    shown: Option<Led>,
+    /// It failed: it is left alone until the sensor starts again.
+    is_broken: bool,
 }
 
 impl<R: Fn(Health)> Watch<R> {
@@ -174,7 +201,16 @@ impl<R: Fn(Health)> Watch<R> {
         loop {
             match inbox.try_recv() {
                 Ok(Order::Control(control, answer)) => {
-                    let _ = answer.send(self.source.control(control));
+                    let done = self.source.control(control);
+                    if done.is_ok() && matches!(control, Control::Station(_)) {
+                        self.tell(true, None);
+                    }
+                    let _ = answer.send(done);
+                    continue;
+                }
+                Ok(Order::Lamp(led)) => {
+                    self.lamp.wanted = Some(led);
+                    self.show();
                     continue;
                 }
                 Ok(Order::Stop) | Err(mpsc::TryRecvError::Disconnected) => break,
@@ -188,14 +224,27 @@ impl<R: Fn(Health)> Watch<R> {
                 Ok(Order::Control(_, answer)) => {
                     let _ = answer.send(Err(SourceError::Refused("it is not running".to_owned())));
                 }
+                Ok(Order::Lamp(led)) => self.lamp.wanted = Some(led),
                 Ok(Order::Stop) | Err(mpsc::RecvTimeoutError::Disconnected) => break,
                 Err(mpsc::RecvTimeoutError::Timeout) => {}
             }
             if self.source.start().is_ok() {
                 self.last = Instant::now();
+                (self.lamp.shown, self.lamp.is_broken) = (None, false);
+                self.show();
             }
         }
         self.source.stop();
+    }
+
+    /// Lets the lamp show what is wanted, unless it does.
+    fn show(&mut self) {
+        let Lamp { wanted: Some(wanted), shown, is_broken: false } = self.lamp else { return };
+        if shown != Some(wanted) && self.source.sensor().abilities.contains(&Ability::Led) {
+            // A lamp that fails stops nobody from taking views.
+            self.lamp.is_broken = self.source.control(Control::Led(wanted)).is_err();
+            self.lamp.shown = Some(wanted);
+        }
     }
 
     /// Waits for the next event; says whether the sensor still runs.
@@ -238,10 +287,11 @@ impl<R: Fn(Health)> Watch<R> {
     }
 
     fn tell(&mut self, running: bool, trouble: Option<&str>) {
-        let same =
-            self.health.as_ref().is_some_and(|h| h.running == running && h.trouble.as_deref() == trouble);
-        if !same {
-            let health = Health { running, trouble: trouble.map(str::to_owned) };
+        let station = self.source.station();
+        let is_same =
+            |h: &Health| h.running == running && h.trouble.as_deref() == trouble && h.station == station;
+        if !self.health.as_ref().is_some_and(is_same) {
+            let health = Health { running, trouble: trouble.map(str::to_owned), station };
             (self.report)(health.clone());
             self.health = Some(health);
         }

@@ -10,7 +10,9 @@ use std::time::Instant;
 
 use kinect::source::Frame;
 use nalgebra::Point3;
+use reconstruct::average::BASELINE_METRES;
 use reconstruct::board::KnownBoard;
+use reconstruct::calibrate::{CalibrationPrior, DepthCalibration};
 use reconstruct::camera::Intrinsics;
 use reconstruct::depth_to_color::{self, Registration};
 use reconstruct::image::GrayImage;
@@ -41,6 +43,7 @@ pub struct Live {
     half: Intrinsics,
     rays: Vec<[f32; 2]>,
     registration: Option<Registration>,
+    calibration: Option<DepthCalibration>,
     motion: Motion,
     packets: Packets,
     rate: Rate,
@@ -87,8 +90,8 @@ pub struct SeenTag {
 }
 
 impl Live {
-    /// For a sensor's cameras and a board, once that is chosen.
-    pub fn new(rig: &Rig, board: Option<&KnownBoard>) -> Self {
+    /// For a sensor's cameras, what is known of its depth, and a board, once that is chosen.
+    pub fn new(rig: &Rig, depth_prior: Option<&CalibrationPrior>, board: Option<&KnownBoard>) -> Self {
         let half_rig = Rig { color: halved(&rig.color), depth: halved(&rig.depth), ..*rig };
         Self {
             rig: *rig,
@@ -97,6 +100,9 @@ impl Live {
             half: half_rig.color,
             rays: half_rig.color.ray_table(),
             registration: depth_to_color::is_needed(rig).then(|| Registration::new(&half_rig)),
+            calibration: depth_prior.map(|prior| {
+                DepthCalibration::from_prior(prior, rig.color.width as usize, rig.color.height as usize)
+            }),
             motion: Motion::default(),
             packets: Packets::default(),
             rate: Rate::default(),
@@ -197,8 +203,20 @@ impl Live {
         segment::cut(&view, world_from_camera, region, &SegmentConfig::default())
     }
 
-    /// Every second row and column of the depth, in the colour camera's geometry, metres, 0 = none.
+    /// Every second row and column of the depth, in the colour camera's geometry, as calibrated, metres, 0 = none.
     fn half_depth(&self, frame: &Frame) -> Vec<f32> {
+        let mut depth = self.half_depth_as_measured(frame);
+        let Some(calibration) = &self.calibration else { return depth };
+        let (width, focal_baseline) = (self.half.width as usize, self.rig.color.fx * BASELINE_METRES);
+        for (i, z) in depth.iter_mut().enumerate().filter(|(_, z)| **z > 0.0) {
+            let (u, v) = ((2 * (i % width)) as f64, (2 * (i / width)) as f64);
+            let disparity = calibration.correct(u, v, focal_baseline / f64::from(*z));
+            *z = if disparity > 0.0 { (focal_baseline / disparity) as f32 } else { 0.0 };
+        }
+        depth
+    }
+
+    fn half_depth_as_measured(&self, frame: &Frame) -> Vec<f32> {
         let image = &frame.depth;
         let metres = 1.0 / image.units_per_metre;
         let rows = image.data.chunks_exact(image.width.max(1)).step_by(2).take(image.height / 2);

@@ -4,6 +4,7 @@
 use std::f64::consts::TAU;
 
 use reconstruct::board::{BoardFile, KnownBoard};
+use reconstruct::calibrate::CalibrationPrior;
 use reconstruct::cloud::PointCloud;
 use reconstruct::image::DepthImage;
 use reconstruct::mesh::Mesh;
@@ -74,9 +75,15 @@ impl ViewSource for OneView<'_> {
     }
 }
 
-/// Places and cuts one view; what is wrong with it otherwise, in words a seller understands.
-pub fn of_view(rig: Rig, board: &KnownBoard, images: ViewImages) -> Result<ViewPreview, String> {
-    let config = Config::default();
+/// Places and cuts one view; what is wrong with it otherwise, in words a seller understands. `depth_prior` is what is known
+/// of this very sensor.
+pub fn of_view(
+    rig: Rig,
+    board: &KnownBoard,
+    depth_prior: Option<CalibrationPrior>,
+    images: ViewImages,
+) -> Result<ViewPreview, String> {
+    let config = Config { depth_prior, ..Config::default() };
     let name = images.name.clone();
     let board = BoardFile::Known(board.clone());
     let source = OneView { rig, board: &board, name: &name, images };
@@ -170,7 +177,7 @@ mod tests {
     fn a_view_lies_where_it_belongs() {
         let spec = ScanSpec { views: 4, frames: 3, ..ScanSpec::new(Kind::Mug, 2) };
         let simulator = Simulator::new(&spec).unwrap();
-        let view = of_view(simulator.rig(), &spec.board, simulator.view(1)).unwrap();
+        let view = of_view(simulator.rig(), &spec.board, None, simulator.view(1)).unwrap();
         let truth = simulator.truth().mesh.vertices.bounds().unwrap();
         let (low, high) = view.cloud.bounds().unwrap();
         for k in 0..3 {
@@ -190,10 +197,10 @@ mod tests {
         let simulator = Simulator::new(&spec).unwrap();
         let mut images = simulator.view(0);
         images.color.data.fill([90; 3]);
-        let reason = of_view(simulator.rig(), &spec.board, images.clone()).unwrap_err();
+        let reason = of_view(simulator.rig(), &spec.board, None, images.clone()).unwrap_err();
         assert!(reason.contains("no marker could be read"), "{reason}");
         images.depths[0].data.fill(0);
-        let reason = of_view(simulator.rig(), &spec.board, images).unwrap_err();
+        let reason = of_view(simulator.rig(), &spec.board, None, images).unwrap_err();
         assert!(reason.contains("no depth"), "{reason}");
     }
 }

@@ -3,10 +3,12 @@
 use kinect::probe::{self, Library, Sensor};
 use kinect::source::{Ability, Source, SourceError};
 use reconstruct::board::KnownBoard;
+use reconstruct::recording::{Device, Rig};
 
 use super::replay::{Replay, is_replay};
 use super::simulated::{Simulated, is_simulated};
 use super::state::{LibraryEntry, SensorEntry};
+use crate::unit_calibration::{self, UnitCalibration};
 
 /// What was found.
 #[derive(Debug, Clone, Default)]
@@ -22,6 +24,11 @@ pub trait Opener: Send + Sync {
 
     /// Opens the sensor of an address. A simulated one sees `board`.
     fn open(&self, address: &str, board: Option<&KnownBoard>) -> Result<Box<dyn Source>, SourceError>;
+
+    /// The calibration kept for a sensor, as builds use it; one that cannot be read is told by the build.
+    fn calibration(&self, device: &Device, rig: &Rig) -> Option<UnitCalibration> {
+        unit_calibration::of_sensor(device, rig).unwrap_or_default()
+    }
 }
 
 /// The sensors of this computer.

@@ -5,6 +5,8 @@
 //! meanwhile. Everything blocks: the HTTP side calls it from threads that may.
 
 mod building;
+mod choosing;
+mod lamp;
 mod looking;
 mod publishing;
 mod result;
@@ -15,14 +17,14 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use kinect::source::{Control, SensorInfo};
+use kinect::source::Control;
 use reconstruct::board::{BoardFile, Family, KnownBoard};
+use reconstruct::calibrate::CalibrationPrior;
 use reconstruct::cloud::PointCloud;
-use reconstruct::recording::Device;
 use tokio::sync::watch;
 
 use super::auto::{SECONDS, Trigger};
-use super::camera::{Camera, Frames, Health, Remote};
+use super::camera::{Camera, Frames, Remote};
 use super::journal::{self, Journal};
 use super::live::Picture;
 use super::model::Model;
@@ -34,7 +36,7 @@ use super::state::{
     AutoMode, BoardState, BuildState, OpenSensor, PreviewState, PublishState, State, Step, TakenView, Taking,
 };
 use crate::simulate::{Paper, ring};
-use crate::unit_calibration;
+use lamp::Lamp;
 
 /// Result of an order.
 pub type Done = Result<(), Refusal>;
@@ -66,6 +68,9 @@ struct Inner {
     /// Counts opened sensors, so that what an earlier one still reports is not taken for the present one's.
     camera_number: u64,
     sensor: Option<OpenSensor>,
+    /// What is known of the sensor's depth, where it was calibrated.
+    depth_prior: Option<CalibrationPrior>,
+    lamp: Lamp,
     board: Option<Board>,
     journal: Option<Arc<Mutex<Journal>>>,
     /// Where the journal lies.
@@ -120,6 +125,8 @@ impl Session {
             camera: None,
             camera_number: 0,
             sensor: None,
+            depth_prior: None,
+            lamp: Lamp::default(),
             board: None,
             journal: None,
             folder: None,
@@ -155,7 +162,12 @@ impl Session {
 
     /// Changes something and tells everybody.
     fn change<T>(&self, change: impl FnOnce(&mut Inner) -> T) -> T {
-        let result = change(&mut self.lock());
+        let result = {
+            let mut inner = self.lock();
+            let result = change(&mut inner);
+            inner.show_by_lamp();
+            result
+        };
         self.changes.send_modify(|count| *count += 1);
         result
     }
@@ -202,83 +214,6 @@ impl Session {
         let found = self.opener.look();
         self.change(|inner| inner.found = found);
         Ok(())
-    }
-
-    /// Opens and starts a sensor.
-    pub fn choose_sensor(self: &Arc<Self>, address: &str) -> Done {
-        let board = {
-            let inner = self.lock();
-            inner.check_rests()?;
-            inner.board.as_ref().map(|board| board.known.clone())
-        };
-        self.open(address, board.as_ref())?;
-        self.change(|inner| {
-            inner.error = None;
-            inner.step = if inner.board.is_some() { Step::Views } else { Step::Board };
-        });
-        Ok(())
-    }
-
-    fn open(self: &Arc<Self>, address: &str, board: Option<&KnownBoard>) -> Done {
-        let number = self.change(|inner| {
-            inner.camera_number += 1;
-            inner.camera_number
-        });
-        // The earlier sensor goes first: it may be the same one.
-        let earlier = self.lock().camera.take();
-        drop(earlier);
-        let opened = self.opener.open(address, board).and_then(|source| {
-            self.check_fits(source.sensor())?;
-            let session = Arc::downgrade(self);
-            Camera::start(source, Arc::clone(&self.frames), move |health| {
-                if let Some(session) = session.upgrade() {
-                    session.heard_of_sensor(number, &health);
-                }
-            })
-        });
-        self.change(|inner| match opened {
-            Ok(camera) => {
-                let info = camera.info();
-                inner.sensor = Some(OpenSensor {
-                    address: info.address.clone(),
-                    model: info.model.clone(),
-                    serial: info.serial.clone(),
-                    calibrated: is_calibrated(info),
-                    running: true,
-                    trouble: None,
-                });
-                inner.camera = Some(camera);
-                Ok(())
-            }
-            Err(error) => {
-                inner.sensor = None;
-                inner.step = Step::Sensor;
-                Err(error.into())
-            }
-        })
-    }
-
-    /// Views of two different sensors do not go into one recording.
-    fn check_fits(&self, sensor: &SensorInfo) -> Result<(), kinect::source::SourceError> {
-        let journal = self.lock().journal.clone();
-        match journal {
-            Some(journal) if !lock(&journal).fits(sensor) => {
-                let text =
-                    "the views so far were taken with another sensor; begin a new product with this one";
-                Err(kinect::source::SourceError::Refused(text.to_owned()))
-            }
-            _ => Ok(()),
-        }
-    }
-
-    fn heard_of_sensor(&self, number: u64, health: &Health) {
-        self.change(|inner| {
-            if inner.camera_number == number
-                && let Some(sensor) = inner.sensor.as_mut()
-            {
-                (sensor.running, sensor.trouble) = (health.running, health.trouble.clone());
-            }
-        });
     }
 
     /// Asks the sensor for something it can do.
@@ -417,12 +352,6 @@ impl Inner {
 
 fn lock(journal: &Mutex<Journal>) -> MutexGuard<'_, Journal> {
     journal.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Whether builds of its recordings will use a calibration of its own; one that cannot be read is told by the build.
-fn is_calibrated(sensor: &SensorInfo) -> bool {
-    let device = Device { backend: sensor.backend.clone(), serial: sensor.serial.clone() };
-    matches!(unit_calibration::of_sensor(&device, &sensor.rig), Ok(Some(_)))
 }
 
 /// The board of a choice, with what the seller should know of it.

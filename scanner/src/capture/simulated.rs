@@ -171,6 +171,11 @@ impl Source for Simulated {
     fn stop(&mut self) {
         self.running = None;
     }
+
+    fn station(&self) -> Option<f64> {
+        let place = self.simulator.stations()[self.station].translation.vector;
+        Some(place.y.atan2(place.x).rem_euclid(TAU))
+    }
 }
 
 #[cfg(test)]
@@ -196,6 +201,7 @@ mod tests {
         a.control(Control::Station(PI)).unwrap();
         let place = a.simulator.stations()[a.station].translation.vector;
         assert!(place.x < 0.0 && place.y.abs() < 0.1, "{place}");
+        assert!((a.station().unwrap() - PI).abs() < 0.1);
         assert_ne!(frame(&mut a).color, first.color);
         assert!(a.control(Control::Tilt(0.1)).is_err() && a.control(Control::Station(f64::NAN)).is_err());
         a.stop();

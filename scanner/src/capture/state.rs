@@ -88,6 +88,8 @@ pub struct OpenSensor {
     pub running: bool,
     /// What is wrong with it just now, in a sentence.
     pub trouble: Option<String>,
+    /// Azimuth at which it stands, radians, where it stands where it is told to.
+    pub station: Option<f64>,
 }
 
 /// The board in use.

@@ -167,6 +167,16 @@ test("views by themselves, and walking with the simulated sensor", async ({ page
   expect(value, "the middle of what is unseen").toBeCloseTo((7.5 * Math.PI) / 6);
 });
 
+test("a step is one from where the program says that the sensor stands", async ({ page, scanner }) => {
+  const { sensor } = states.FOUR_VIEWS;
+  if (!sensor) throw new Error("a sensor is open");
+  const daemon = await scanner({ ...states.FOUR_VIEWS, sensor: { ...sensor, station: 1 } });
+  await page.getByRole("button", { name: "→" }).click();
+  await expect.poll(() => daemon.ordersOf("POST /api/control").length).toBe(1);
+  const { value } = JSON.parse(String(daemon.ordersOf("POST /api/control")[0]?.body));
+  expect(value).toBeCloseTo(1 + Math.PI / 6);
+});
+
 test("hints are said when they stay, and not while they flicker", async ({ page, scanner }) => {
   const daemon = await scanner(states.NO_VIEWS);
   const said: string[] = [];

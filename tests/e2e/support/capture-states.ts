@@ -21,6 +21,7 @@ const OPEN = {
   calibrated: false,
   running: true,
   trouble: null,
+  station: 0,
 };
 
 const REFUSED = {

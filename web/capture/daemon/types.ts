@@ -31,6 +31,8 @@ export interface SensorOpen {
   readonly calibrated: boolean;
   readonly running: boolean;
   readonly trouble: string | null;
+  /** Azimuth at which it stands, where it stands where it is told to. */
+  readonly station: number | null;
 }
 
 export interface Board {

@@ -15,16 +15,14 @@ export interface Station {
 
 export function makeStation(app: App): Station {
   let state: State | null = null;
-  let azimuth: number | null = null;
   const walk = async (to: number) => {
     const goal = wrapTurn(to);
     if (!(await app.run(() => app.daemon.standAt(goal)))) return;
-    azimuth = goal;
     if (!state) return;
     const clock = clockOf(state.sectors, state.views[0]?.azimuth ?? null);
     app.say(t.walked(state.views.length > 0 ? hourOf(clock, state.sectors, goal) : null));
   };
-  const here = () => azimuth ?? state?.views.at(-1)?.azimuth ?? 0;
+  const here = () => state?.sensor?.station ?? 0;
   const element = h(
     "div",
     { class: "station", role: "group", "aria-label": t.stationTitle },

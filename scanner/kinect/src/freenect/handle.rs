@@ -260,6 +260,7 @@ impl Sensor {
             Led::Off => c::freenect_led_options::LED_OFF,
             Led::Green => c::freenect_led_options::LED_GREEN,
             Led::BlinkGreen => c::freenect_led_options::LED_BLINK_GREEN,
+            Led::Yellow => c::freenect_led_options::LED_YELLOW,
             Led::Red => c::freenect_led_options::LED_RED,
         };
         accepted(call!(self.context.library, freenect_set_led(self.raw(), state))?, "the lamp")

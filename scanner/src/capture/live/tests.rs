@@ -24,7 +24,7 @@ fn frame(sensor: &mut Simulated) -> Arc<Frame> {
 fn a_good_scene_is_green_once_it_has_been_still_and_moving_starts_again() {
     let mut sensor = Simulated::open("simulated:mug", None).unwrap();
     sensor.start().unwrap();
-    let mut live = Live::new(&sensor.sensor().rig, Some(&a3()));
+    let mut live = Live::new(&sensor.sensor().rig, None, Some(&a3()));
     let start = Instant::now();
     let first = live.look(&frame(&mut sensor), start);
     assert_eq!((first.light, first.header.hints[0].code), (Level::Yellow, Code::Moving));
@@ -44,18 +44,36 @@ fn another_board_is_told() {
     let mut sensor = Simulated::open("simulated:mug", None).unwrap();
     sensor.start().unwrap();
     let a4 = ring(Paper::A4, Family::Aruco4x4_50);
-    let look = Live::new(&sensor.sensor().rig, Some(&a4)).look(&frame(&mut sensor), Instant::now());
+    let look = Live::new(&sensor.sensor().rig, None, Some(&a4)).look(&frame(&mut sensor), Instant::now());
     assert_eq!((look.light, look.header.hints[0].code), (Level::Red, Code::BoardUnknown));
     let other = ring(Paper::A3, Family::Tag36h11);
-    let look = Live::new(&sensor.sensor().rig, Some(&other)).look(&frame(&mut sensor), Instant::now());
+    let look = Live::new(&sensor.sensor().rig, None, Some(&other)).look(&frame(&mut sensor), Instant::now());
     assert_eq!(look.header.hints[0].code, Code::BoardHidden);
+}
+
+#[test]
+fn depth_is_as_the_unit_was_calibrated() {
+    let mut sensor = Simulated::open("simulated:mug", None).unwrap();
+    sensor.start().unwrap();
+    let (rig, frame) = (sensor.sensor().rig, frame(&mut sensor));
+    let mut prior = CalibrationPrior::of_any_kinect();
+    let depth = |prior: Option<&CalibrationPrior>| {
+        Live::new(&rig, prior, Some(&a3())).look(&frame, Instant::now()).depth
+    };
+    let plain = depth(None);
+    let is_scaled = |other: &[f32], scale: f32| {
+        plain.iter().zip(other).all(|(plain, other)| (plain * scale - other).abs() < 1e-5)
+    };
+    assert!(is_scaled(&depth(Some(&prior)), 1.0));
+    prior.coefficients[0] = 0.02;
+    assert!(is_scaled(&depth(Some(&prior)), 1.0 / 1.02));
 }
 
 #[test]
 fn the_message_holds_what_its_header_says() {
     let mut sensor = Simulated::open("simulated:mug", None).unwrap();
     sensor.start().unwrap();
-    let mut live = Live::new(&sensor.sensor().rig, Some(&a3()));
+    let mut live = Live::new(&sensor.sensor().rig, None, Some(&a3()));
     let frame = frame(&mut sensor);
     let look = live.look(&frame, Instant::now());
     let message = live.picture(&frame, look).unwrap();

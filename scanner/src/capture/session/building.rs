@@ -1,17 +1,19 @@
 //! Building the model behind the page's back: progress into the state, and an end when it is cancelled.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Weak};
 
 use reconstruct::mesh::Mesh;
+use reconstruct::report::Report;
 
 use super::{Done, Session, lock};
 use crate::capture::model::{Model, Shape};
 use crate::capture::refusal::{Refusal, sentence};
 use crate::capture::state::{BuildState, Step};
 use crate::config::Config;
-use crate::pipeline::{self, Scan};
+use crate::output::OutputDir;
+use crate::pipeline;
 use crate::recording::Recording;
 use crate::result;
 use crate::ui::{Listener, Ui};
@@ -88,17 +90,19 @@ impl Session {
 
     fn build_in(self: &Arc<Self>, folder: &Path, number: u64, version: u64) {
         let progress = Progress { session: Arc::downgrade(self), number, stages: AtomicU64::new(0) };
-        let built =
-            built(folder, &Ui::followed_by(Arc::new(progress)), || self.lock().build_number == number);
+        let built = built(folder, &Ui::followed_by(Arc::new(progress)));
+        // In one go with the decision: a build that was cancelled replaces nothing.
         self.change(|inner| {
             // Cancelled meanwhile: nobody is interested.
             if inner.build_number != number {
                 return;
             }
             inner.build = None;
+            let built =
+                built.and_then(|built| built.files.commit().map(|()| built.model).map_err(|e| e.to_string()));
             match built {
-                Ok((shape, scan, folder)) => {
-                    inner.model = Some(Model::new(shape, scan.report, version, folder));
+                Ok((shape, report)) => {
+                    inner.model = Some(Model::new(shape, report, version, folder.join(MODEL)));
                     inner.step = Step::Result;
                 }
                 Err(reason) => {
@@ -110,8 +114,14 @@ impl Session {
     }
 }
 
-/// Builds and writes; why there is no model otherwise.
-fn built(folder: &Path, ui: &Ui, is_wanted: impl Fn() -> bool) -> Result<(Shape, Scan, PathBuf), String> {
+/// A model that is complete, beside the place where it belongs.
+struct Built {
+    files: OutputDir,
+    model: (Shape, Report),
+}
+
+/// Builds and writes beside; why there is no model otherwise.
+fn built(folder: &Path, ui: &Ui) -> Result<Built, String> {
     let recording = Recording::open(folder).map_err(|e| e.to_string())?;
     let depth_prior = unit_calibration::prior_of(&recording).map_err(|e| e.to_string())?;
     let config = Config { seed: SEED, depth_prior, ..Config::default() };
@@ -119,14 +129,10 @@ fn built(folder: &Path, ui: &Ui, is_wanted: impl Fn() -> bool) -> Result<(Shape,
     if scan.cloud.is_empty() {
         return Err(format!("no model could be built: {}", scan.report.verdict_reason));
     }
-    if !is_wanted() {
-        return Err("cancelled".to_owned());
-    }
     let stage = ui.stage("write", 1);
     let mesh = Mesh { vertices: std::mem::take(&mut scan.cloud), triangles: Vec::new() };
-    let out = folder.join(MODEL);
-    result::write(&out, &mesh, &scan.report).map_err(|e| e.to_string())?;
+    let files = result::write_beside(&folder.join(MODEL), &mesh, &scan.report).map_err(|e| e.to_string())?;
     let shape = Shape::new(mesh.vertices).map_err(|e| e.to_string())?;
     stage.done();
-    Ok((shape, scan, out))
+    Ok(Built { files, model: (shape, scan.report) })
 }

@@ -48,8 +48,13 @@ pub(super) fn start(session: &Arc<Session>) {
 impl Session {
     fn look_at(&self, frame: &kinect::source::Frame, eye: &mut Option<Eye>, weak: &Weak<Self>) {
         let watched = self.pictures.receiver_count() > 0;
-        if !self.lock().is_looked_at(watched) {
-            return;
+        {
+            let mut inner = self.lock();
+            if !inner.is_looked_at(watched) {
+                inner.lamp.see(None, Instant::now());
+                inner.show_by_lamp();
+                return;
+            }
         }
         let Some(eye) = self.lock().eye(eye.take()).map(|fresh| eye.insert(fresh)) else { return };
         if !eye.live.fits(frame) {
@@ -57,6 +62,11 @@ impl Session {
             return;
         }
         let look = eye.live.look(frame, Instant::now());
+        {
+            let mut inner = self.lock();
+            inner.lamp.see(Some(look.light), Instant::now());
+            inner.show_by_lamp();
+        }
         self.trigger(&look, weak);
         if watched && let Some(picture) = eye.live.picture(frame, look) {
             self.pictures.send_replace(Some(Arc::new(picture)));
@@ -101,7 +111,7 @@ impl Inner {
         {
             return Some(eye);
         }
-        let live = Live::new(&camera.info().rig, board);
+        let live = Live::new(&camera.info().rig, self.depth_prior.as_ref(), board);
         Some(Eye { camera: self.camera_number, board: board.cloned(), live })
     }
 

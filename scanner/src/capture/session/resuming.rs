@@ -22,7 +22,7 @@ impl Session {
         let no_board =
             || Refusal::not_now("there is no board.json, so no views can be added to this recording");
         let board = known_board(journal.board().cloned().ok_or_else(no_board)?)?;
-        let views = views(&journal, &board, ui)?;
+        let views = self.views(&journal, &board, ui)?;
         let device = journal.file().device.clone();
         let address = self.sensor_like(&device);
         self.change(|inner| {
@@ -50,29 +50,31 @@ impl Session {
         let mut same = found.sensors.iter().filter(|s| s.usable && s.backend == device.backend);
         same.find(|s| s.serial == device.serial).map(|s| s.address.clone())
     }
-}
 
-/// The views that are there, looked at anew for the preview.
-fn views(journal: &Journal, board: &Board, ui: &Ui) -> Result<Vec<View>, Refusal> {
-    let entries = &journal.file().views;
-    if entries.is_empty() {
-        return Ok(Vec::new());
+    /// The views that are there, looked at anew for the preview.
+    fn views(&self, journal: &Journal, board: &Board, ui: &Ui) -> Result<Vec<View>, Refusal> {
+        let entries = &journal.file().views;
+        if entries.is_empty() {
+            return Ok(Vec::new());
+        }
+        let recording = Recording::open(journal.folder()).map_err(|e| Refusal::failed(&e))?;
+        let kept = self.opener.calibration(&journal.file().device, &recording.rig());
+        let depth_prior = kept.map(|calibration| calibration.prior());
+        let stage = ui.stage("reading the views", entries.len());
+        let mut views = Vec::new();
+        for (index, entry) in entries.iter().enumerate() {
+            let images = recording.load_view(index).map_err(|e| Refusal::failed(&e))?;
+            let seen = preview::of_view(recording.rig(), &board.known, depth_prior, images);
+            let (name, frames) = (entry.name.clone(), entry.frames.len());
+            views.push(match seen {
+                Ok(seen) => view_of(name, frames, seen, 0.0),
+                Err(_) => unseen(name, frames),
+            });
+            stage.step();
+        }
+        stage.done();
+        Ok(views)
     }
-    let recording = Recording::open(journal.folder()).map_err(|e| Refusal::failed(&e))?;
-    let stage = ui.stage("reading the views", entries.len());
-    let mut views = Vec::new();
-    for (index, entry) in entries.iter().enumerate() {
-        let images = recording.load_view(index).map_err(|e| Refusal::failed(&e))?;
-        let seen = preview::of_view(recording.rig(), &board.known, images);
-        let (name, frames) = (entry.name.clone(), entry.frames.len());
-        views.push(match seen {
-            Ok(seen) => view_of(name, frames, seen, 0.0),
-            Err(_) => unseen(name, frames),
-        });
-        stage.step();
-    }
-    stage.done();
-    Ok(views)
 }
 
 /// A view that is there but says nothing.

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use kinect::source::Frame;
 use reconstruct::board::{BoardFile, KnownBoard};
+use reconstruct::calibrate::CalibrationPrior;
 use reconstruct::recording::{Rig, ViewImages};
 
 use super::{Done, Inner, Preview, Session, View, lock};
@@ -27,6 +28,7 @@ struct Job {
     journal: Arc<Mutex<Journal>>,
     rig: Rig,
     board: KnownBoard,
+    depth_prior: Option<CalibrationPrior>,
 }
 
 impl Session {
@@ -94,7 +96,7 @@ impl Session {
                 Arc::clone(inner.journal.insert(journal))
             };
             inner.taking = Some(Taking { view: String::new(), frames: 0, of: FRAMES });
-            Ok(Job { journal, rig: info.rig, board })
+            Ok(Job { journal, rig: info.rig, board, depth_prior: inner.depth_prior })
         })
     }
 
@@ -119,7 +121,7 @@ impl Session {
         let name = writer.name().to_owned();
         let images = self.collect(&mut writer, &job.rig)?;
         let (rig, board) = (job.rig, &job.board);
-        let seen = preview::of_view(rig, board, images)
+        let seen = preview::of_view(rig, board, job.depth_prior, images)
             .map_err(|reason| Refusal::not_now(format!("the view was not kept: {reason}")))?;
         lock(&job.journal).confirm(writer)?;
         Ok(view_of(name, FRAMES, seen, started.elapsed().as_secs_f64()))
