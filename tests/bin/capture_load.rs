@@ -34,7 +34,7 @@ fn main() -> anyhow::Result<()> {
 /// CPU time and wall time of looking at a VGA frame and encoding its two pictures.
 fn live_pictures() -> anyhow::Result<()> {
     let mut sensor = Simulated::open("simulated:mug", None)?;
-    let mut live = Live::new(&sensor.sensor().rig, Some(&usual_board()));
+    let mut live = Live::new(&sensor.sensor().rig, None, Some(&usual_board()));
     sensor.start()?;
     let frames: Vec<Arc<Frame>> = (0..6).map(|_| next(&mut sensor)).collect::<Result<_, _>>()?;
     let (cpu, wall, mut bytes) = (cpu_seconds()?, Instant::now(), 0);
