@@ -69,8 +69,19 @@ impl Queue {
 
     /// Something else has happened.
     pub(super) fn event(&self, event: Event) {
-        self.lock().items.push_back(Item::Event(event));
+        let mut state = self.lock();
+        if matches!(event, Event::Still(_)) {
+            // Large, and nobody asks for a second one before the first has come.
+            state.items.retain(|item| !matches!(item, Item::Event(Event::Still(_))));
+        }
+        state.items.push_back(Item::Event(event));
+        drop(state);
         self.changed.notify_all();
+    }
+
+    /// How many things wait.
+    pub(super) fn waiting(&self) -> usize {
+        self.lock().items.len()
     }
 
     /// Lets a driver that waits for room go on: nobody will take anything.
@@ -155,6 +166,14 @@ mod tests {
         }
         assert!(matches!(queue.next(Duration::ZERO), Event::Unplugged));
         assert!(matches!(queue.next(Duration::ZERO), Event::Nothing));
+    }
+
+    #[test]
+    fn one_still_at_most_waits() {
+        let queue = Queue::new(Overflow::NewestWins);
+        (0..100).for_each(|_| queue.event(Event::Still(Arc::default())));
+        queue.event(Event::Unplugged);
+        assert_eq!(queue.waiting(), 2);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::io::{self, PipeReader, Read};
 use std::os::unix::process::ExitStatusExt;
 use std::process::{Child, ExitStatus};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::Sender;
+use std::sync::mpsc::{self, Receiver, SyncSender};
 use std::sync::{Arc, OnceLock};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -45,22 +45,32 @@ impl Wish {
 
 /// The answers that somebody waits for.
 pub(super) struct Answers {
-    pub(super) opened: Sender<Result<SensorInfo, Failure>>,
-    pub(super) controls: Sender<Option<String>>,
+    pub(super) opened: SyncSender<Result<SensorInfo, Failure>>,
+    pub(super) controls: SyncSender<Option<String>>,
+}
+
+/// Answers that may wait to be heard: more than anybody asks for.
+const ANSWERS: usize = 16;
+
+/// Room for the answers. A driver that says more than anybody wants to hear must not fill the memory.
+pub(super) fn answers() -> (Answers, Receiver<Result<SensorInfo, Failure>>, Receiver<Option<String>>) {
+    let (opened, is_open) = mpsc::sync_channel(1);
+    let (controls, refusals) = mpsc::sync_channel(ANSWERS);
+    (Answers { opened, controls }, is_open, refusals)
 }
 
 /// Reads from one process until it ends.
 pub(super) struct Reader {
     pub(super) child: Child,
     pub(super) messages: PipeReader,
-    pub(super) queue: Arc<Queue>,
-    pub(super) answers: Answers,
+    pub(super) intake: Intake,
     pub(super) wish: Arc<Wish>,
     pub(super) patience: Patience,
 }
 
 /// Why reading came to an end.
-enum End {
+#[derive(Debug)]
+pub(super) enum End {
     /// The driver said so.
     Said,
     /// Its end of the pipe was closed, perhaps within a message.
@@ -84,83 +94,101 @@ impl Reader {
         let status = farewell(&mut self.child);
         if !self.wish.is_ending() {
             match end {
-                End::Wrong(words) => self.failed(Failure::Other(words)),
-                End::Closed => self.failed(Failure::Other(obituary(status))),
+                End::Wrong(words) => self.intake.failed(Failure::Other(words)),
+                End::Closed => self.intake.failed(Failure::Other(obituary(status))),
                 End::Said | End::Stubborn => {}
             }
         }
     }
 
     fn read_all(&mut self) -> End {
-        let mut images = Images::new(HALF_FRAME_NANOS);
-        let mut gravity = None;
-        let mut opened = false;
-        let mut seen = Instant::now();
         loop {
             let streaming = self.wish.streaming.load(Ordering::SeqCst);
             if !streaming {
-                seen = Instant::now();
-            } else if seen.elapsed() > self.patience.images {
+                self.intake.seen = Instant::now();
+            } else if self.intake.seen.elapsed() > self.patience.images {
                 return End::Wrong(
                     "the sensor is there but sends no pictures; unplug it and plug it in again".into(),
                 );
             }
-            let silence = if opened { self.patience.silence } else { self.patience.opening };
+            let silence = if self.intake.opened { self.patience.silence } else { self.patience.opening };
             let mut input = Impatient::new(&mut self.messages, &self.wish, Instant::now() + silence);
             let message = match wire::read(&mut input) {
                 Ok(Some(message)) => message,
                 Ok(None) => return End::Closed,
                 Err(error) => return end_of(&error),
             };
-            match message {
-                Message::Opened(info) => {
-                    opened = true;
-                    // Nobody waits where the program has gone on without.
-                    let _ = self.answers.opened.send(Ok(*info));
-                }
-                Message::Color(color) => {
-                    seen = Instant::now();
-                    let pair = images.color(color.timestamp_nanos, color);
-                    self.deliver(pair, gravity);
-                }
-                Message::Depth(depth) => {
-                    seen = Instant::now();
-                    let pair = images.depth(depth.timestamp_nanos, depth);
-                    self.deliver(pair, gravity);
-                }
-                Message::Still(still) => {
-                    seen = Instant::now();
-                    self.queue.event(Event::Still(Arc::new(still)));
-                }
-                Message::Gravity(down) => gravity = down.iter().all(|g| g.is_finite()).then_some(down),
-                Message::Answer(refusal) => {
-                    let _ = self.answers.controls.send(refusal);
-                }
-                // The answer to a question of [`super::ask()`], which nobody has asked here.
-                Message::Alive | Message::Found(_) => {}
-                Message::Unplugged => {
-                    self.queue.event(Event::Unplugged);
-                    return End::Said;
-                }
-                Message::Ended => {
-                    self.queue.event(Event::Ended);
-                    return End::Said;
-                }
-                Message::Failed(failure) => {
-                    self.failed(failure);
-                    return End::Said;
-                }
+            if let Some(end) = self.intake.take(message) {
+                return end;
             }
         }
     }
+}
 
-    fn deliver(
-        &self,
-        pair: Option<Pair<Stamped<ColorImage>, Stamped<DepthImage>>>,
-        gravity: Option<[f64; 3]>,
-    ) {
+/// What becomes of what a driver says, whatever it says: few things wait, and nothing else is kept.
+pub(super) struct Intake {
+    queue: Arc<Queue>,
+    answers: Answers,
+    images: Images,
+    gravity: Option<[f64; 3]>,
+    opened: bool,
+    /// When the last image came.
+    seen: Instant,
+}
+
+impl Intake {
+    pub(super) fn new(queue: Arc<Queue>, answers: Answers) -> Self {
+        let (images, seen) = (Images::new(HALF_FRAME_NANOS), Instant::now());
+        Self { queue, answers, images, gravity: None, opened: false, seen }
+    }
+
+    /// Takes a message; says where it is the last one.
+    pub(super) fn take(&mut self, message: Message) -> Option<End> {
+        match message {
+            Message::Opened(info) => {
+                self.opened = true;
+                // Nobody waits where the program has gone on without.
+                let _ = self.answers.opened.try_send(Ok(*info));
+            }
+            Message::Color(color) => {
+                self.seen = Instant::now();
+                let pair = self.images.color(color.timestamp_nanos, color);
+                self.deliver(pair);
+            }
+            Message::Depth(depth) => {
+                self.seen = Instant::now();
+                let pair = self.images.depth(depth.timestamp_nanos, depth);
+                self.deliver(pair);
+            }
+            Message::Still(still) => {
+                self.seen = Instant::now();
+                self.queue.event(Event::Still(Arc::new(still)));
+            }
+            Message::Gravity(down) => self.gravity = down.iter().all(|g| g.is_finite()).then_some(down),
+            Message::Answer(refusal) => {
+                let _ = self.answers.controls.try_send(refusal);
+            }
+            // The answer to a question of [`super::ask()`], which nobody has asked here.
+            Message::Alive | Message::Found(_) => {}
+            Message::Unplugged => {
+                self.queue.event(Event::Unplugged);
+                return Some(End::Said);
+            }
+            Message::Ended => {
+                self.queue.event(Event::Ended);
+                return Some(End::Said);
+            }
+            Message::Failed(failure) => {
+                self.failed(failure);
+                return Some(End::Said);
+            }
+        }
+        None
+    }
+
+    fn deliver(&self, pair: Option<Pair<Stamped<ColorImage>, Stamped<DepthImage>>>) {
         if let Some(Pair { color: (_, color), depth: (_, depth) }) = pair {
-            self.queue.push(Waiting { color, depth, gravity });
+            self.queue.push(Waiting { color, depth, gravity: self.gravity });
         }
     }
 
@@ -172,7 +200,7 @@ impl Reader {
             | Failure::Refused(words)
             | Failure::Other(words) => words.clone(),
         };
-        let _ = self.answers.opened.send(Err(failure));
+        let _ = self.answers.opened.try_send(Err(failure));
         self.queue.event(Event::Failed(words));
     }
 }

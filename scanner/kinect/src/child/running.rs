@@ -4,13 +4,13 @@ use std::io::Write;
 use std::process::ChildStdin;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use super::launch::Launch;
 use super::queue::Queue;
-use super::reader::{Answers, Reader, Wish};
+use super::reader::{self, Intake, Reader, Wish};
 use crate::source::{Control, Event, SensorInfo, SourceError};
 use crate::wire::{Failure, Order};
 
@@ -34,15 +34,13 @@ impl Running {
             SourceError::Driver(format!("{} cannot be started: {error}", launch.program.display()))
         };
         let (child, orders, messages) = launch.start().map_err(failed)?;
-        let (opened, is_open) = mpsc::channel();
-        let (controls, refusals) = mpsc::channel();
+        let (answers, is_open, refusals) = reader::answers();
         let queue = Arc::new(Queue::new(launch.overflow));
         let wish = Arc::new(Wish::default());
         let reader = Reader {
             child,
             messages,
-            queue: Arc::clone(&queue),
-            answers: Answers { opened, controls },
+            intake: Intake::new(Arc::clone(&queue), answers),
             wish: Arc::clone(&wish),
             patience: launch.patience,
         };
@@ -52,7 +50,7 @@ impl Running {
         match is_open.recv() {
             Ok(Ok(info)) => Ok((running, info)),
             Ok(Err(failure)) => Err(error_of(&launch.driver, failure)),
-            Err(mpsc::RecvError) => Err(SourceError::Driver("it ended before the sensor was open".into())),
+            Err(_gone) => Err(SourceError::Driver("it ended before the sensor was open".into())),
         }
     }
 
