@@ -79,6 +79,9 @@ pub struct ViewEntry {
     pub name: String,
     /// Its frames, which may share one colour image.
     pub frames: Vec<FrameEntry>,
+    /// Path of a sharper colour picture taken right after them, where the sensor takes such; builds do without.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub still: Option<String>,
 }
 
 /// One pair of images.
@@ -102,6 +105,7 @@ impl RecordingFile {
         let name = |(i, frame): (usize, &FrameEntry)| ViewEntry {
             name: format!("{i:03}"),
             frames: vec![frame.clone()],
+            still: None,
         };
         self.frames.iter().enumerate().map(name).collect()
     }

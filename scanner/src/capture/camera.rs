@@ -8,6 +8,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use kinect::source::{Ability, Control, Event, Frame, Led, SensorInfo, Source, SourceError};
+use reconstruct::image::ColorImage;
 
 /// How long to wait for an event before looking at orders.
 const PATIENCE: Duration = Duration::from_millis(50);
@@ -63,6 +64,11 @@ impl Frames {
         slot.dropped
     }
 
+    /// Whether nobody has to wait any more.
+    pub fn is_stopped(&self) -> bool {
+        self.lock().stopped
+    }
+
     /// Nobody has to wait for frames any more.
     pub fn stop(&self) {
         let mut slot = self.lock();
@@ -99,6 +105,8 @@ enum Order {
     Control(Control, Sender<Result<(), SourceError>>),
     /// Nobody waits for it.
     Lamp(Led),
+    /// A sharper picture, to be sent there; where there will be none, the sender goes.
+    Still(Sender<Arc<ColorImage>>),
     Stop,
 }
 
@@ -122,7 +130,8 @@ impl Camera {
         let (info, station) = (source.sensor().clone(), source.station());
         let (orders, inbox) = mpsc::channel();
         let lamp = Lamp::default();
-        let mut watch = Watch { source, frames, report, last: Instant::now(), health: None, lamp };
+        let mut watch =
+            Watch { source, frames, report, last: Instant::now(), health: None, lamp, still: None };
         let thread = std::thread::Builder::new()
             .name("sensor".to_owned())
             .spawn(move || watch.run(&inbox))
@@ -159,6 +168,14 @@ pub struct Remote {
 }
 
 impl Remote {
+    /// Orders a sharper picture; frames rest until it has come.
+    pub fn still(&self) -> Receiver<Arc<ColorImage>> {
+        let (picture, coming) = mpsc::channel();
+        // Of a sensor that was closed nothing comes.
+        let _ = self.orders.send(Order::Still(picture));
+        coming
+    }
+
     /// Asks the sensor for something and waits until it is done.
     pub fn control(&self, control: Control) -> Result<(), SourceError> {
         let (answer, done) = mpsc::channel();
@@ -184,6 +201,8 @@ struct Watch<R> {
     last: Instant,
     health: Option<Health>,
     lamp: Lamp,
+    /// Who waits for a sharper picture.
+    still: Option<Sender<Arc<ColorImage>>>,
 }
 
 /// What the lamp is to show.
@@ -213,6 +232,10 @@ impl<R: Fn(Health)> Watch<R> {
                     self.show();
                     continue;
                 }
+                Ok(Order::Still(picture)) => {
+                    self.still = self.source.control(Control::Still).is_ok().then_some(picture);
+                    continue;
+                }
                 Ok(Order::Stop) | Err(mpsc::TryRecvError::Disconnected) => break,
                 Err(mpsc::TryRecvError::Empty) => {}
             }
@@ -226,8 +249,9 @@ impl<R: Fn(Health)> Watch<R> {
                 }
                 Ok(Order::Lamp(led)) => self.lamp.wanted = Some(led),
                 Ok(Order::Stop) | Err(mpsc::RecvTimeoutError::Disconnected) => break,
-                Err(mpsc::RecvTimeoutError::Timeout) => {}
+                Ok(Order::Still(_)) | Err(mpsc::RecvTimeoutError::Timeout) => {}
             }
+            self.still = None;
             if self.source.start().is_ok() {
                 self.last = Instant::now();
                 (self.lamp.shown, self.lamp.is_broken) = (None, false);
@@ -256,8 +280,12 @@ impl<R: Fn(Health)> Watch<R> {
                 self.tell(true, None);
                 true
             }
-            // Not asked for.
-            Event::Still(_) => true,
+            Event::Still(picture) => {
+                self.last = Instant::now();
+                // Nobody waits for one that comes too late.
+                self.still.take().map(|still| still.send(picture));
+                true
+            }
             Event::Nothing => {
                 if self.last.elapsed() > SILENCE {
                     self.tell(false, Some("The sensor sends no pictures; it is started again. Unplug it and plug it in again if that does not help."));

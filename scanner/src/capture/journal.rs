@@ -2,7 +2,8 @@
 //!
 //! A view's pictures lie in `views/NAME/`, losslessly as they came. They are on the disk for good (synced, and their folder)
 //! before `recording.json`, replaced as a whole, names the view: from then on it is confirmed. What lies in `views/` without
-//! being named there is what a crash left, and goes when the recording is opened again.
+//! being named there is what a crash left, and goes when the recording is opened again. A sharper picture of a view, where the
+//! sensor takes such, lies in `stills/NAME.png` and is named after the view is.
 
 mod disk;
 mod error;
@@ -14,6 +15,7 @@ use std::path::{Path, PathBuf};
 
 use kinect::source::SensorInfo;
 use reconstruct::board::BoardFile;
+use reconstruct::image::ColorImage;
 use reconstruct::pose;
 use reconstruct::recording::{DepthCamera, Device, RecordingFile, ViewEntry};
 
@@ -21,11 +23,14 @@ pub use disk::free_bytes;
 pub use error::JournalError;
 pub use view::ViewWriter;
 
+use crate::pictures;
 use crate::recording::{parse_board, parse_unfinished, read_limited};
 use error::at;
 
 /// Folder of the views inside the recording.
 const VIEWS: &str = "views";
+/// Folder of the sharper pictures.
+const STILLS: &str = "stills";
 const RECORDING: &str = "recording.json";
 const BOARD: &str = "board.json";
 /// Held while a capture works on the folder; the system lets go of it however the program ends.
@@ -145,6 +150,28 @@ impl Journal {
         Ok(())
     }
 
+    /// Adds a sharper picture to a view that is confirmed: first the file, then its name.
+    pub fn add_still(&mut self, view: &str, picture: &ColorImage) -> Result<(), JournalError> {
+        let mut file = self.file.clone();
+        let none = || JournalError::NoSuchView(view.to_owned());
+        let entry = file.views.iter_mut().find(|entry| entry.name == view).ok_or_else(none)?;
+        let bytes = pictures::record_color(picture)?;
+        let size = bytes.len() as u64 + RESERVE_BYTES;
+        let free = (self.measure_free)(&self.folder).map_err(at(&self.folder))?;
+        if free < size {
+            return Err(JournalError::DiskFull { folder: self.folder.clone(), free, needed: size });
+        }
+        let stills = self.folder.join(STILLS);
+        fs::create_dir_all(&stills).map_err(at(&stills))?;
+        let name = format!("{STILLS}/{view}.png");
+        disk::write_synced(&self.folder.join(&name), &bytes)?;
+        disk::sync_folder(&stills)?;
+        entry.still = Some(name);
+        self.replace_description(&file)?;
+        self.file = file;
+        Ok(())
+    }
+
     /// Takes a view back: first its name, then its files.
     pub fn undo(&mut self, name: &str) -> Result<(), JournalError> {
         let mut file = self.file.clone();
@@ -167,7 +194,7 @@ impl Journal {
         disk::replace_json(&self.folder, RECORDING, file)
     }
 
-    /// Removes what lies in `views/` but is not named in the description, and half-written descriptions.
+    /// Removes what lies in `views/` and `stills/` but is not named in the description, and half-written descriptions.
     fn remove_leftovers(&self) -> Result<(), JournalError> {
         disk::remove_partial(&self.folder, &[RECORDING, BOARD])?;
         let views = self.folder.join(VIEWS);
@@ -181,7 +208,21 @@ impl Journal {
                 disk::remove(&entry.path())?;
             }
         }
-        disk::sync_folder(&views)
+        disk::sync_folder(&views)?;
+        self.remove_unnamed_stills()
+    }
+
+    fn remove_unnamed_stills(&self) -> Result<(), JournalError> {
+        let stills = self.folder.join(STILLS);
+        let Ok(entries) = fs::read_dir(&stills) else { return Ok(()) };
+        for entry in entries {
+            let entry = entry.map_err(at(&stills))?;
+            let name = format!("{STILLS}/{}", entry.file_name().to_string_lossy());
+            if !self.file.views.iter().any(|view| view.still.as_deref() == Some(name.as_str())) {
+                disk::remove(&entry.path())?;
+            }
+        }
+        disk::sync_folder(&stills)
     }
 }
 

@@ -71,6 +71,8 @@ struct Inner {
     /// What is known of the sensor's depth, where it was calibrated.
     depth_prior: Option<CalibrationPrior>,
     lamp: Lamp,
+    /// The sensor was asked for a sharper picture and gave none: it is asked no more.
+    no_stills: bool,
     board: Option<Board>,
     journal: Option<Arc<Mutex<Journal>>>,
     /// Where the journal lies.
@@ -127,6 +129,7 @@ impl Session {
             sensor: None,
             depth_prior: None,
             lamp: Lamp::default(),
+            no_stills: false,
             board: None,
             journal: None,
             folder: None,

@@ -24,7 +24,7 @@ impl ViewWriter {
         // What a failed removal left under this name.
         disk::remove(&folder)?;
         fs::create_dir(&folder).map_err(at(&folder))?;
-        Ok(Self { folder, entry: ViewEntry { name, frames: Vec::new() }, kept: false })
+        Ok(Self { folder, entry: ViewEntry { name, frames: Vec::new(), still: None }, kept: false })
     }
 
     /// The view's name.

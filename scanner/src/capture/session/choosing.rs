@@ -56,7 +56,7 @@ impl Session {
                     trouble: None,
                     station: camera.station(),
                 });
-                inner.camera = Some(camera);
+                (inner.camera, inner.no_stills) = (Some(camera), false);
                 Ok(())
             }
             Err(error) => {

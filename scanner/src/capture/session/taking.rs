@@ -1,15 +1,18 @@
 //! Taking a view: frames as they come to the disk, then a look whether the view can be used, then it is confirmed.
 
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use kinect::source::Frame;
+use kinect::source::{Ability, Frame};
 use reconstruct::board::{BoardFile, KnownBoard};
 use reconstruct::calibrate::CalibrationPrior;
+use reconstruct::image::ColorImage;
 use reconstruct::recording::{Rig, ViewImages};
 
 use super::{Done, Inner, Preview, Session, View, lock};
+use crate::capture::camera::{Camera, Remote};
 use crate::capture::journal::{Journal, JournalError, ViewWriter};
 use crate::capture::live::has_sizes_of;
 use crate::capture::preview::{self, ViewPreview};
@@ -20,6 +23,10 @@ use crate::capture::state::{PreviewState, Step, TakenView, Taking};
 pub(super) const FRAMES: usize = 10;
 /// A sensor that sends nothing for this long is not waited for.
 const FRAME_TIME: Duration = Duration::from_secs(3);
+/// A sharper picture that takes longer is done without.
+const STILL_TIME: Duration = Duration::from_secs(3);
+/// How often a wait is interrupted to see whether all is over.
+const GLANCE: Duration = Duration::from_millis(50);
 /// Folders of one day that are tried.
 const MOST_FOLDERS: usize = 10_000;
 
@@ -29,6 +36,14 @@ struct Job {
     rig: Rig,
     board: KnownBoard,
     depth_prior: Option<CalibrationPrior>,
+    /// Where a sharper picture can be ordered.
+    stills: Option<Remote>,
+}
+
+/// A sharper picture that was ordered.
+struct Still {
+    ordered: Instant,
+    coming: Receiver<Arc<ColorImage>>,
 }
 
 impl Session {
@@ -37,18 +52,44 @@ impl Session {
         let started = Instant::now();
         let job = self.begin_taking()?;
         let result = self.take(&job, started);
-        self.change(|inner| {
-            inner.taking = None;
-            inner.trigger.taken(Instant::now());
-            match &result {
-                Ok(_) => inner.error = None,
-                Err(refusal) => inner.error = Some(refusal.to_string()),
+        let still = self.change(|inner| match result {
+            Ok((view, still)) => {
+                let name = view.taken.name.clone();
+                inner.views.push(view);
+                inner.error = None;
+                let still = still.map(|still| (name, still));
+                if still.is_none() {
+                    inner.taken();
+                }
+                Ok(still)
             }
-        });
-        let view = result?;
-        self.change(|inner| inner.views.push(view));
+            Err(refusal) => {
+                inner.error = Some(refusal.to_string());
+                inner.taken();
+                Err(refusal)
+            }
+        })?;
         self.draw_preview();
+        if let Some((name, still)) = still {
+            let is_kept = self.keep_still(&job, &name, &still);
+            self.change(|inner| {
+                inner.no_stills |= !is_kept;
+                inner.taken();
+            });
+        }
         Ok(())
+    }
+
+    /// Waits for the sharper picture of a view that is confirmed. Without it the view is as good.
+    fn keep_still(&self, job: &Job, name: &str, still: &Still) -> bool {
+        while still.ordered.elapsed() < STILL_TIME && !self.frames.is_stopped() {
+            match still.coming.recv_timeout(GLANCE) {
+                Ok(picture) => return lock(&job.journal).add_still(name, &picture).is_ok(),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return false,
+            }
+        }
+        false
     }
 
     /// Takes a view back.
@@ -96,7 +137,9 @@ impl Session {
                 Arc::clone(inner.journal.insert(journal))
             };
             inner.taking = Some(Taking { view: String::new(), frames: 0, of: FRAMES });
-            Ok(Job { journal, rig: info.rig, board, depth_prior: inner.depth_prior })
+            let offers = info.abilities.contains(&Ability::Stills) && !inner.no_stills;
+            let stills = inner.camera.as_ref().filter(|_| offers).map(Camera::remote);
+            Ok(Job { journal, rig: info.rig, board, depth_prior: inner.depth_prior, stills })
         })
     }
 
@@ -116,15 +159,18 @@ impl Session {
         Err(Refusal::not_now(format!("there are too many scans in {}: tidy up there", self.home.display())))
     }
 
-    fn take(&self, job: &Job, started: Instant) -> Result<View, Refusal> {
+    fn take(&self, job: &Job, started: Instant) -> Result<(View, Option<Still>), Refusal> {
         let mut writer = lock(&job.journal).begin_view(FRAMES)?;
         let name = writer.name().to_owned();
         let images = self.collect(&mut writer, &job.rig)?;
+        // At once: it is to show what the frames show. It comes while they are looked at.
+        let order = |remote: &Remote| Still { ordered: Instant::now(), coming: remote.still() };
+        let still = job.stills.as_ref().map(order);
         let (rig, board) = (job.rig, &job.board);
         let seen = preview::of_view(rig, board, job.depth_prior, images)
             .map_err(|reason| Refusal::not_now(format!("the view was not kept: {reason}")))?;
         lock(&job.journal).confirm(writer)?;
-        Ok(view_of(name, FRAMES, seen, started.elapsed().as_secs_f64()))
+        Ok((view_of(name, FRAMES, seen, started.elapsed().as_secs_f64()), still))
     }
 
     /// All frames of the view, to the disk as they come; all depth images and the middle picture stay.
@@ -169,6 +215,12 @@ impl Session {
 }
 
 impl Inner {
+    /// The view in work is done with.
+    fn taken(&mut self) {
+        self.taking = None;
+        self.trigger.taken(Instant::now());
+    }
+
     fn next_preview(&mut self) -> u64 {
         self.preview_version += 1;
         self.preview_version

@@ -2,6 +2,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use kinect::source::{Ability, Event, Led, SensorInfo, Source, SourceError};
+use reconstruct::image::ColorImage;
 use reconstruct::recording::{Device, Rig};
 
 use super::*;
@@ -15,8 +16,18 @@ struct Fate {
     fails: AtomicBool,
     moves: AtomicBool,
     lamp_fails: AtomicBool,
+    /// Offers sharper pictures; with what comes of an order.
+    stills: Mutex<Option<Stills>>,
     /// What the lamp was told, one after the other.
     lamp: Mutex<Vec<Led>>,
+}
+
+/// What becomes of an order for a sharper picture.
+#[derive(Clone, Copy, PartialEq)]
+enum Stills {
+    Come,
+    Refused,
+    Lost,
 }
 
 impl Fate {
@@ -28,6 +39,8 @@ impl Fate {
 struct Fated {
     inner: Simulated,
     info: SensorInfo,
+    /// Frames rest until the sharper picture comes.
+    still: Option<Instant>,
     fate: Arc<Fate>,
 }
 
@@ -53,10 +66,27 @@ impl Source for Fated {
         if self.fate.moves.swap(false, Ordering::SeqCst) {
             self.inner.control(Control::Station(1.0)).unwrap();
         }
+        if let Some(due) = self.still {
+            std::thread::sleep(Duration::from_millis(10));
+            if Instant::now() < due {
+                return Event::Nothing;
+            }
+            self.still = None;
+            if *self.fate.stills.lock().unwrap() == Some(Stills::Come) {
+                return Event::Still(Arc::new(ColorImage::filled(1280, 1024, [1, 2, 3])));
+            }
+        }
         self.inner.next_event(patience)
     }
 
     fn control(&mut self, control: Control) -> Result<(), SourceError> {
+        if control == Control::Still {
+            if *self.fate.stills.lock().unwrap() == Some(Stills::Refused) {
+                return Err(SourceError::Unable("out of order"));
+            }
+            self.still = Some(Instant::now() + Duration::from_millis(300));
+            return Ok(());
+        }
         let Control::Led(led) = control else { return self.inner.control(control) };
         self.fate.lamp.lock().unwrap().push(led);
         if self.fate.lamp_fails.load(Ordering::SeqCst) { Err(SourceError::Unable("dark")) } else { Ok(()) }
@@ -87,7 +117,10 @@ impl Opener for OneSensor {
         };
         let mut info = inner.sensor().clone();
         info.abilities.push(Ability::Led);
-        Ok(Box::new(Fated { inner, info, fate: Arc::clone(&self.0) }))
+        if self.0.stills.lock().unwrap().is_some() {
+            info.abilities.push(Ability::Stills);
+        }
+        Ok(Box::new(Fated { inner, info, still: None, fate: Arc::clone(&self.0) }))
     }
 
     fn calibration(&self, _: &Device, _: &Rig) -> Option<UnitCalibration> {
@@ -380,7 +413,7 @@ fn a_build_cancelled_while_it_is_written_replaces_nothing() {
     let (before, _) = model_files(&folder);
     session.go_to(Step::Views).unwrap();
     session.undo_view("002").unwrap();
-    let deadline = Instant::now() + Duration::from_secs(60);
+    let deadline = Instant::now() + Duration::from_mins(1);
     session.build().unwrap();
     while !model_files(&folder).1 {
         assert!(Instant::now() < deadline && session.state().build.is_some());
@@ -401,7 +434,7 @@ fn a_build_cancelled_while_it_is_written_replaces_nothing() {
 
 #[track_caller]
 fn wait_long(session: &Session, wanted: impl Fn(&State) -> bool) -> State {
-    let deadline = Instant::now() + Duration::from_secs(120);
+    let deadline = Instant::now() + Duration::from_mins(2);
     loop {
         let state = session.state();
         if wanted(&state) {
@@ -409,5 +442,41 @@ fn wait_long(session: &Session, wanted: impl Fn(&State) -> bool) -> State {
         }
         assert!(Instant::now() < deadline, "{state:?}");
         std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+#[test]
+fn a_sharper_picture_of_every_view_and_none_that_costs_a_view() {
+    for stills in [Stills::Come, Stills::Refused, Stills::Lost] {
+        let home = tempfile::tempdir().unwrap();
+        let (session, fate) = unready_with(home.path(), None);
+        *fate.stills.lock().unwrap() = Some(stills);
+        session.choose_sensor("test").unwrap();
+        session.choose_board(&BoardChoice::Paper(Paper::A3)).unwrap();
+        for _ in 0..3 {
+            session.take_view().unwrap();
+            // No second order is refused because of the first.
+            assert_eq!((session.state().taking, session.state().error), (None, None));
+        }
+        session.undo_view("001").unwrap();
+        let folder = session.state().folder.unwrap();
+        session.close();
+        drop(session);
+        let recording = crate::recording::Recording::open(&folder).unwrap();
+        assert_eq!(recording.view_names(), ["000", "002"]);
+        let named: Vec<_> = recording.file().views.iter().filter_map(|view| view.still.clone()).collect();
+        let lie = std::fs::read_dir(folder.join("stills")).map_or(0, Iterator::count);
+        if stills == Stills::Come {
+            assert_eq!(
+                (named.as_slice(), lie),
+                (&["stills/000.png".to_owned(), "stills/002.png".to_owned()][..], 2)
+            );
+            let bytes = std::fs::read(folder.join(&named[1])).unwrap();
+            assert!(crate::pictures::decode_color(&bytes, 1280, 1024).unwrap().data[7] == [1, 2, 3]);
+            Journal::resume(&folder).unwrap();
+            assert_eq!(std::fs::read_dir(folder.join("stills")).unwrap().count(), 2);
+        } else {
+            assert!(named.is_empty() && lie == 0);
+        }
     }
 }
