@@ -39,6 +39,9 @@ struct Unfinished {
     interrupted: bool,
 }
 
+/// So many folders of killed programs are looked at for a free name.
+const MOST_LEFT: usize = 1000;
+
 static UNFINISHED: Mutex<Unfinished> = Mutex::new(Unfinished { paths: BTreeSet::new(), interrupted: false });
 
 fn unfinished() -> MutexGuard<'static, Unfinished> {
@@ -114,6 +117,36 @@ impl OutputDir {
         Ok(dir)
     }
 
+    /// As [`Self::begin`], but it grows in `OUT.partial` beside (or `partial` inside, where `OUT` is there already), so that
+    /// people find what is left of it should the program be killed. What an earlier one left stays.
+    pub fn begin_in_sight(target: &Path, owned: &[&str]) -> Result<Self, OutputError> {
+        let mut dir = Self::begin(target, owned)?;
+        let base = if target.is_dir() { target.join("recording") } else { target.to_owned() };
+        for number in 1..MOST_LEFT {
+            let mut name = base.file_name().unwrap_or_default().to_owned();
+            name.push(if number == 1 { ".partial".to_owned() } else { format!(".partial-{number}") });
+            let path = base.with_file_name(name);
+            register(&path)?;
+            match fs::create_dir(&path) {
+                Ok(()) => {
+                    let hidden = std::mem::replace(&mut dir.temporary, path);
+                    remove(&hidden);
+                    unfinished().paths.remove(&hidden);
+                    return Ok(dir);
+                }
+                Err(e) => {
+                    // It is somebody else's: an interruption must not remove it.
+                    unfinished().paths.remove(&path);
+                    if e.kind() != io::ErrorKind::AlreadyExists {
+                        return Err(io_error(target, e));
+                    }
+                }
+            }
+        }
+        // Nobody has left so many; then the usual place will do.
+        Ok(dir)
+    }
+
     /// The folder to write into until [`Self::commit`].
     pub fn path(&self) -> &Path {
         &self.temporary
@@ -138,6 +171,14 @@ impl OutputDir {
             file.flush()
         };
         all().map_err(|e| io_error(&shown, e))
+    }
+
+    /// Replaces one file of the unfinished result as a whole: at any moment the old one or the new one is there.
+    pub fn renew(&self, name: &str, bytes: &[u8]) -> Result<(), OutputError> {
+        let beside = format!("{name}.new");
+        self.write(&beside, bytes)?;
+        let path = self.temporary.join(name);
+        fs::rename(self.temporary.join(beside), &path).map_err(|e| io_error(&self.target.join(name), e))
     }
 
     /// Makes the folders of `name` inside the temporary one, but never that itself: an interruption may have removed it.
@@ -264,6 +305,27 @@ mod tests {
         dir.commit().unwrap();
         assert_eq!(names(home.path()), ["out"]);
         assert_eq!(names(&out), ["a.txt", "color"]);
+    }
+
+    #[test]
+    fn what_grows_in_sight_takes_nobodys_place() {
+        let home = tempfile::tempdir().unwrap();
+        let out = home.path().join("out");
+        fs::create_dir(home.path().join("out.partial")).unwrap();
+        fs::write(home.path().join("out.partial/a.txt"), "left").unwrap();
+        let dir = OutputDir::begin_in_sight(&out, &["a.txt"]).unwrap();
+        dir.renew("a.txt", b"1").unwrap();
+        dir.renew("a.txt", b"2").unwrap();
+        assert_eq!(fs::read(home.path().join("out.partial-2/a.txt")).unwrap(), b"2");
+        dir.commit().unwrap();
+        assert_eq!(
+            (names(home.path()), names(&out)),
+            (vec!["out".into(), "out.partial".into()], vec!["a.txt".into()])
+        );
+        let dir = OutputDir::begin_in_sight(&out, &["a.txt"]).unwrap();
+        assert!(out.join("recording.partial").is_dir());
+        drop(dir);
+        assert_eq!((names(home.path()).len(), names(&out)), (2, vec!["a.txt".into()]));
     }
 
     #[test]

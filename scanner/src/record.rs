@@ -2,7 +2,8 @@
 //!
 //! One thread takes frames from the sensor and does nothing else; two compress and write them behind a bounded queue.
 //! What the queue has no room for is dropped and counted (a file waits instead). The free space of the disk is looked at
-//! while there is enough of it: the recording ends early, and is kept, before the disk is full.
+//! while there is enough of it: the recording ends early, and is kept, before the disk is full. A live recording grows in
+//! `OUT.partial`, whose description is renewed all the while: where the program is killed, that folder is a recording.
 
 mod error;
 mod space;
@@ -11,6 +12,7 @@ mod workers;
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -29,6 +31,8 @@ use workers::Workers;
 
 /// How long to wait for the sensor before looking whether the end was asked for.
 const GLANCE: Duration = Duration::from_millis(100);
+/// How often the description of an unfinished recording is written.
+const RENEWED: Duration = Duration::from_secs(1);
 /// A sensor that sends nothing for so long has nothing to record.
 const MOST_SILENCE: Duration = Duration::from_secs(15);
 
@@ -137,12 +141,20 @@ pub fn record(
 ) -> Result<Recorded, RecordError> {
     let space = Space::new(plan);
     space.check_before()?;
-    let mut writer = RecordingWriter::begin(&plan.out, &plan.rig, plan.units_per_metre, plan.device.clone())?;
+    let begin = if plan.keeps_part { RecordingWriter::begin_in_sight } else { RecordingWriter::begin };
+    let mut writer = begin(&plan.out, &plan.rig, plan.units_per_metre, plan.device.clone())?;
+    writer.set_mirrored(plan.is_mirrored);
     source.start()?;
     let workers = Workers::new(&writer);
     let mut taken = Taken::default();
     let end = thread::scope(|scope| {
         let _stopping = workers.start(scope);
+        // Dropped at the end, which ends the thread.
+        let (_recording, over) = mpsc::channel();
+        if plan.keeps_part {
+            let (writer, workers) = (&writer, &workers);
+            scope.spawn(move || keep_description(writer, workers, &over));
+        }
         take_frames(source, plan, stop, &space, &workers, &mut taken, progress)
     });
     source.stop();
@@ -155,7 +167,6 @@ pub fn record(
         return Err(RecordError::Part(nothing_because(&end)));
     }
     let frames = written.entries.len();
-    writer.set_mirrored(plan.is_mirrored);
     let missing = if plan.every <= 1 { missing(&written.entries) } else { 0 };
     for entry in written.entries {
         writer.push_stream_frame(entry);
@@ -164,6 +175,21 @@ pub fn record(
     let length = Duration::from_nanos(taken.last_nanos - taken.first_nanos.unwrap_or(taken.last_nanos));
     let Taken { dropped, lost_packets, .. } = taken;
     Ok(Recorded { frames, dropped, missing, lost_packets, length, bytes: written.bytes, end })
+}
+
+/// Names the frames that are written in the unfinished recording's description, until `over`.
+fn keep_description(writer: &RecordingWriter, workers: &Workers<'_>, over: &Receiver<()>) {
+    let mut pause = RENEWED;
+    while over.recv_timeout(pause) == Err(RecvTimeoutError::Timeout) {
+        let started = Instant::now();
+        let entries = workers.entries();
+        if !entries.is_empty() {
+            // What cannot be written is told by whoever writes the pictures.
+            let _ = writer.renew(entries);
+        }
+        // Of a long recording the description is long: it may take a small part of the time only.
+        pause = RENEWED.max(started.elapsed() * 20);
+    }
 }
 
 /// What has been taken from the sensor.

@@ -14,7 +14,8 @@ use crate::ui::Ui;
 
 const AFTER_HELP: &str = "\
 The recording is one moving stream: colour and depth of every frame, without loss. Ctrl-C ends it
-and keeps it. A minute takes 1 to 2 GB.
+and keeps it. A minute takes 1 to 2 GB. Until then it grows in DIR.partial: where the program is
+killed, that folder is a recording of all but the last second; build it, or rename it to DIR.
 
 Examples:
   scan-product record --sensor freenect --seconds 20 --out rec       the Kinect

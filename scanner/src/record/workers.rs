@@ -95,6 +95,13 @@ impl<'a> Workers<'a> {
         self.bytes.load(Ordering::SeqCst)
     }
 
+    /// The frames that are written by now, in the order they came.
+    pub(super) fn entries(&self) -> Vec<FrameEntry> {
+        let mut entries = lock(&self.entries).clone();
+        entries.sort_unstable_by_key(|(number, _)| *number);
+        entries.into_iter().map(|(_, entry)| entry).collect()
+    }
+
     /// All frames, after the threads have ended.
     ///
     /// # Errors

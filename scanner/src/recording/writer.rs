@@ -39,6 +39,28 @@ impl RecordingWriter {
         Ok(Self { out: OutputDir::begin(out, &OWNED_NAMES)?, file, colors: 0, depths: 0 })
     }
 
+    /// As [`Self::begin`], but what is left of it can be found and used should the program be killed: see [`Self::renew`].
+    pub fn begin_in_sight(
+        out: &Path,
+        rig: &Rig,
+        units_per_metre: f64,
+        device: Device,
+    ) -> Result<Self, OutputError> {
+        let mut writer = Self::begin(out, rig, units_per_metre, device)?;
+        writer.out = OutputDir::begin_in_sight(out, &OWNED_NAMES)?;
+        Ok(writer)
+    }
+
+    /// Lets the unfinished recording consist of these frames of a stream for now.
+    pub fn renew(&self, frames: Vec<FrameEntry>) -> Result<(), OutputError> {
+        let file = RecordingFile { frames, ..self.file.clone() };
+        let bytes = serde_json::to_vec(&file).map_err(|e| OutputError::Io {
+            path: "recording.json".into(),
+            source: std::io::Error::other(e),
+        })?;
+        self.out.renew("recording.json", &bytes)
+    }
+
     /// Says that the images are stored flipped left-right.
     pub fn set_mirrored(&mut self, mirrored: bool) {
         self.file.mirrored = mirrored;
@@ -75,7 +97,7 @@ impl RecordingWriter {
 
     /// Lists a view of frames stored before.
     pub fn push_view(&mut self, name: String, frames: Vec<FrameEntry>) {
-        self.file.views.push(ViewEntry { name, frames });
+        self.file.views.push(ViewEntry { name, frames, still: None });
     }
 
     /// Lists a frame of one moving stream; a recording has views or such frames, not both.
