@@ -53,6 +53,15 @@ impl Home {
         self.0.path().join(name)
     }
 
+    /// OpenNI2 with sensors of its own.
+    fn put_mock_sensors(&self, core: &Path) {
+        let drivers = self.path("sandbox/OpenNI2/Drivers");
+        fs::create_dir_all(&drivers).unwrap();
+        std::os::unix::fs::symlink(core, self.path("sandbox/libOpenNI2.so.0")).unwrap();
+        let mock = kinect_testing::built("mock-oni-driver", "libmock_oni_driver.so");
+        std::os::unix::fs::symlink(mock, drivers.join("libMockKinect.so.0")).unwrap();
+    }
+
     fn import(&self, source: &str, more: &[&str]) -> Ran {
         let (source, rec) = (self.path(source), self.path("rec"));
         scan(["import", source.to_str().unwrap(), "--out", rec.to_str().unwrap()].iter().chain(more))
@@ -280,9 +289,7 @@ fn recording_until_the_time_is_up_and_until_ctrl_c() {
     let mut command = command();
     command.args(["record", "--sensor", "simulated", "--quiet", "--json", "--out"]).arg(home.path("long"));
     let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    let growing = || names(home.0.path()).into_iter().find(|name| name.starts_with(".long"));
-    let has_picture = |name: String| home.path(&name).join("depth/000002.png").exists();
-    while !growing().is_some_and(has_picture) {
+    while !home.path("long.partial/depth/000002.png").exists() {
         std::thread::sleep(Duration::from_millis(20));
     }
     let kill = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
@@ -292,6 +299,35 @@ fn recording_until_the_time_is_up_and_until_ctrl_c() {
     let kept = json(&home.path("long/recording.json"))["frames"].as_array().unwrap().len();
     assert!(kept >= 3 && result["frames"] == kept, "{result}");
     nothing_half_written(home.0.path());
+}
+
+#[test]
+fn what_is_left_of_a_recording_that_was_killed_can_be_used() {
+    let home = Home::new();
+    let mut command = command();
+    command.args(["record", "--sensor", "simulated:mug", "--quiet", "--out"]).arg(home.path("rec"));
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let left = home.path("rec.partial");
+    let listed = || {
+        let bytes = fs::read(left.join("recording.json")).unwrap_or_default();
+        let description: Value = serde_json::from_slice(&bytes).unwrap_or_default();
+        description["frames"].as_array().map_or(0, Vec::len)
+    };
+    let deadline = std::time::Instant::now() + Duration::from_mins(1);
+    while listed() < 20 {
+        assert!(std::time::Instant::now() < deadline && child.try_wait().unwrap().is_none());
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let recording = scanner::recording::Recording::open(&left).unwrap();
+    assert!(recording.view_names().len() >= 20);
+    for view in 0..recording.view_names().len() {
+        recording.load_view(view).unwrap();
+    }
+    // The next recording takes nothing away from it.
+    home.record("simulated:mug", &["--seconds", "0.5"]).with_status(0);
+    assert_eq!(names(home.0.path()), ["rec", "rec.partial"]);
 }
 
 #[test]
@@ -316,12 +352,35 @@ fn sensors_that_are_not_there() {
 fn a_live_sensor_is_recorded_and_what_is_lost_is_said() {
     let Some(core) = kinect_testing::library(&OPENNI2) else { return };
     let home = Home::new();
-    let drivers = home.path("sandbox/OpenNI2/Drivers");
-    fs::create_dir_all(&drivers).unwrap();
-    std::os::unix::fs::symlink(core, home.path("sandbox/libOpenNI2.so.0")).unwrap();
-    let mock = kinect_testing::built("mock-oni-driver", "libmock_oni_driver.so");
-    std::os::unix::fs::symlink(mock, drivers.join("libMockKinect.so.0")).unwrap();
+    home.put_mock_sensors(&core);
     println!("{} frames missing", record_live(&home));
+}
+
+#[test]
+fn two_sensors_of_openni2_have_addresses_of_their_own() {
+    let Some(core) = kinect_testing::library(&OPENNI2) else { return };
+    let home = Home::new();
+    home.put_mock_sensors(&core);
+    let run = |arguments: &[&str]| {
+        let mut command = command();
+        command.env("SCAN_OPENNI2_LIB", home.path("sandbox/libOpenNI2.so.0")).env("MOCK_KINECT_SECOND", "1");
+        let command = command.env("SCAN_USB_ROOT", home.path("nowhere")).arg("--json").args(arguments);
+        let ran = Ran::from(command.output().unwrap()).with_status(0);
+        serde_json::from_str::<Value>(&ran.out).unwrap()
+    };
+    let found = run(&["devices"]);
+    let sensors = found["sensors"].as_array().unwrap();
+    assert_eq!(sensors.len(), 2, "{found}");
+    let addresses = [mock_oni_driver::URI, mock_oni_driver::SECOND_URI].map(|uri| format!("openni2:{uri}"));
+    for ((sensor, address), serial) in sensors.iter().zip(addresses).zip(mock_oni_driver::SERIALS) {
+        assert_eq!(
+            (&sensor["address"], &sensor["usable"]),
+            (&Value::from(address.clone()), &Value::from(true))
+        );
+        let out = home.path(serial);
+        run(&["record", "--sensor", &address, "--seconds", "0.3", "--out", out.to_str().unwrap()]);
+        assert_eq!(json(&out.join("recording.json"))["device"]["serial"], serial);
+    }
 }
 
 /// Records three seconds; how many frames are missing, as said and as the numbers in the pictures have it.

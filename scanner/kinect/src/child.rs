@@ -5,6 +5,7 @@
 //! whatever becomes of it. Starting again starts a new process.
 
 mod ask;
+mod digest;
 mod launch;
 mod queue;
 mod reader;
@@ -13,6 +14,7 @@ mod running;
 use std::time::Duration;
 
 pub use ask::ask;
+pub use digest::{Digest, digest};
 pub use launch::{Launch, Overflow, Patience, SUBCOMMAND};
 use running::Running;
 
@@ -34,8 +36,19 @@ impl ChildSource {
     /// Why the sensor cannot be had, with what to do about it.
     pub fn open(launch: Launch) -> Result<Self, SourceError> {
         let (running, sensor) = Running::start(&launch)?;
+        let launch = again(launch, &sensor);
         Ok(Self { launch, sensor, running: Some(running) })
     }
+}
+
+/// What finds the same sensor again after it was unplugged: an address of OpenNI2's is a place on the bus, which changes.
+fn again(mut launch: Launch, sensor: &SensorInfo) -> Launch {
+    let names_one =
+        launch.driver == "openni2" && !launch.target.is_empty() && !crate::is_recording(&launch.target);
+    if names_one && sensor.serial.chars().any(|c| c != '0') && !sensor.serial.contains(['/', '@', ':']) {
+        launch.target.clone_from(&sensor.serial);
+    }
+    launch
 }
 
 impl Source for ChildSource {

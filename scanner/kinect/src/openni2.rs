@@ -25,6 +25,7 @@ use reconstruct::camera::Intrinsics;
 use reconstruct::pose::Pose;
 use reconstruct::recording::Rig;
 
+use crate::probe::Listed;
 use crate::source::{Ability, Control, SensorInfo};
 use crate::wire::{Failure, Message};
 use crate::worker::{DriverError, Link, Request};
@@ -40,6 +41,8 @@ const MOST_SILENCE_OF_A_FILE: Duration = Duration::from_secs(2);
 const DEPTH_CAMERA_LEFT: f64 = 0.025;
 /// The driver that Debian installs beside the others and that plays nothing of use.
 const DUMMY: &str = "Dummy";
+/// Most sensors that are told of.
+const MOST_LISTED: usize = 32;
 
 /// Opens what `request.target` names (a file, an address of the library's, or nothing for the first sensor) and streams.
 ///
@@ -56,27 +59,57 @@ pub fn run(request: &Request, link: &mut Link) -> Result<(), DriverError> {
     link.send(&end?)
 }
 
-/// A library that was found: where from and which version.
+/// A library that was found: its version, and the sensors it knows of.
 ///
 /// # Errors
 /// Where there is none, with how to get it.
-pub fn version() -> Result<String, Failure> {
-    Library::open().map(|library| library.version())
+pub fn look() -> Result<(String, Vec<Listed>), Failure> {
+    let library = Library::open()?;
+    // A library that cannot list its sensors is there all the same.
+    let mut listed = sensors(&library).unwrap_or_default();
+    listed.truncate(MOST_LISTED);
+    Ok((library.version(), listed))
+}
+
+fn sensors(library: &Library) -> Result<Vec<Listed>, Failure> {
+    let mut listed = library.devices()?;
+    listed.retain(|sensor| sensor.uri != DUMMY);
+    Ok(listed)
+}
+
+/// The sensor that an address means: the one that bears it, or the only one of its model on its bus, for every plugging in
+/// gives another number.
+fn meant<'a>(listed: &'a [Listed], uri: &str) -> Option<&'a Listed> {
+    let place =
+        |uri: &str| uri.contains('@').then(|| uri.rsplit_once('/').map(|(bus, _)| bus.to_owned())).flatten();
+    let same_place = |sensor: &&Listed| place(uri).is_some() && place(&sensor.uri) == place(uri);
+    let mut near = listed.iter().filter(same_place);
+    let only = near.next().filter(|_| near.next().is_none());
+    listed.iter().find(|sensor| sensor.uri == uri).or(only)
+}
+
+/// The sensor with a serial number, which only an open one says.
+fn with_serial<'a>(library: &'a Library, listed: &[Listed], serial: &str) -> Option<Device<'a>> {
+    if serial.contains(['/', '@', ':']) {
+        return None;
+    }
+    let mut open = listed.iter().filter_map(|sensor| {
+        // One that somebody else uses is not the one that is to be opened.
+        Device::open(library, &device::c_address(&sensor.uri).ok()?).ok()
+    });
+    open.find(|device| device.serial == serial)
 }
 
 fn open<'a>(library: &'a Library, target: &str) -> Result<Device<'a>, Failure> {
     if crate::is_recording(target) {
         return open_file(library, target);
     }
-    let mut sensors = library.devices()?;
-    sensors.retain(|sensor| sensor.uri != DUMMY);
-    let uri =
-        if target.is_empty() { sensors.first().map(|sensor| sensor.uri.as_str()) } else { Some(target) };
-    let known = |uri: &str| uri == DUMMY || sensors.iter().any(|sensor| sensor.uri == uri);
-    match uri {
-        Some(uri) if known(uri) => Device::open(library, &device::c_address(uri)?),
-        Some(uri) => Err(Failure::NotFound(format!(
-            "OpenNI2 knows no {uri:?}; {}",
+    let sensors = sensors(library)?;
+    let sensor = if target.is_empty() { sensors.first() } else { meant(&sensors, target) };
+    match sensor.map(|sensor| sensor.uri.as_str()).or((target == DUMMY).then_some(DUMMY)) {
+        Some(uri) => Device::open(library, &device::c_address(uri)?),
+        None if !target.is_empty() => with_serial(library, &sensors, target).ok_or_else(|| Failure::NotFound(format!(
+            "OpenNI2 knows no {target:?}; {}",
             match sensors.as_slice() {
                 [] => "no sensor of its drivers is plugged in".to_owned(),
                 some => {
@@ -120,7 +153,7 @@ fn file_address(path: &str) -> Result<CString, Failure> {
 
 fn sensor(device: &Device, target: &str) -> SensorInfo {
     let listed = &device.listed;
-    let target = if target.is_empty() { listed.uri.as_str() } else { target };
+    let target = if device.is_file { target } else { listed.uri.as_str() };
     let model = if device.is_file {
         format!("recording {}", Path::new(target).file_name().unwrap_or_default().to_string_lossy())
     } else {
@@ -196,5 +229,26 @@ fn obey(device: &Device, control: Control) -> Result<(), String> {
 impl From<Failure> for DriverError {
     fn from(failure: Failure) -> Self {
         Self::Failed(failure)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sensor_that_was_plugged_in_again_is_found() {
+        let sensor = |uri: &str| Listed {
+            uri: uri.to_owned(),
+            vendor: String::new(),
+            name: String::new(),
+            usb: (0x1d27, 0x0601),
+        };
+        let listed = ["1d27/0601@2/5", "1d27/0601@2/6", "1d27/0601@3/9", "mock://kinect0"].map(sensor);
+        let meant = |uri: &str| meant(&listed, uri).map(|sensor| sensor.uri.as_str());
+        assert_eq!(meant("1d27/0601@2/6"), Some("1d27/0601@2/6"));
+        assert_eq!(meant("1d27/0601@3/4"), Some("1d27/0601@3/9"));
+        assert_eq!(meant("1d27/0601@2/4"), None, "either of two");
+        assert_eq!((meant("mock://kinect1"), meant("1d27/0600@3/9"), meant("")), (None, None, None));
     }
 }

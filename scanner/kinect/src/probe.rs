@@ -14,7 +14,7 @@ use serde::Serialize;
 use crate::source::Ability;
 use crate::usb;
 pub(crate) use library::driver_of;
-pub use library::{LibraryFacts, Name};
+pub use library::{LibraryFacts, Listed, Name};
 
 /// Names a folder that stands for `/` where devices are looked for: tests set it.
 const ROOT_VARIABLE: &str = "SCAN_USB_ROOT";
@@ -50,7 +50,7 @@ pub struct Sensor {
     pub model: String,
     /// Serial number, where it has one that tells it apart.
     pub serial: String,
-    /// The USB port, as the system numbers it.
+    /// The USB port, as the system numbers it; empty where only its library knows of the sensor.
     pub port: String,
     /// The library that serves it.
     pub backend: &'static str,
@@ -150,8 +150,8 @@ impl Places {
 
 /// Looks for libraries and sensors.
 pub fn look() -> Look {
-    let libraries = library::look();
-    let sensors = sensor::look(&Places::of_system(), &libraries);
+    let (libraries, listed) = library::look();
+    let sensors = sensor::look(&Places::of_system(), &libraries, &listed);
     Look { libraries, sensors }
 }
 

@@ -60,7 +60,8 @@ fn sensor_in_words(sensor: &Sensor) -> String {
     let serial =
         if sensor.serial.is_empty() { String::new() } else { format!(", serial number {}", sensor.serial) };
     let state = if sensor.is_usable() { "ready" } else { "cannot be used" };
-    let mut words = format!("  {}{serial}, USB port {}: {state}\n", sensor.model, sensor.port);
+    let port = if sensor.port.is_empty() { String::new() } else { format!(", USB port {}", sensor.port) };
+    let mut words = format!("  {}{serial}{port}: {state}\n", sensor.model);
     for problem in &sensor.problems {
         let sign = if problem.blocks { "!" } else { "note:" };
         // Writing into memory does not fail.

@@ -6,8 +6,9 @@ use std::ptr;
 use std::sync::mpsc::{self, Receiver};
 use std::time::Duration;
 
-use super::library::{Library, Listed};
+use super::library::Library;
 use super::stream::{Kind, Pixels, Stream};
+use crate::probe::Listed;
 use crate::sys::openni2::{
     ONI_DEVICE_PROPERTY_IMAGE_REGISTRATION, ONI_DEVICE_PROPERTY_PLAYBACK_REPEAT_ENABLED,
     ONI_DEVICE_PROPERTY_PLAYBACK_SPEED, ONI_DEVICE_PROPERTY_SERIAL_NUMBER, OniDeviceHandle, OniDeviceInfo,

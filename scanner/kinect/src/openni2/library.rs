@@ -7,6 +7,7 @@ use std::ptr;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use crate::probe::Listed;
 use crate::sys::openni2::{
     OniCallbackHandle, OniDeviceCallbacks, OniDeviceInfo, OniDeviceState,
     OniDeviceState_ONI_DEVICE_STATE_EOF as STATE_EOF, OniDeviceState_ONI_DEVICE_STATE_ERROR as STATE_ERROR,
@@ -39,15 +40,6 @@ struct Watch {
     uri: Mutex<Vec<u8>>,
     is_gone: AtomicBool,
     is_at_end: AtomicBool,
-}
-
-/// A device that the library knows of.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct Listed {
-    pub(crate) uri: String,
-    pub(crate) vendor: String,
-    pub(crate) name: String,
-    pub(crate) usb: (u16, u16),
 }
 
 impl Library {

@@ -30,26 +30,45 @@ pub struct LibraryFacts {
     pub path: Option<String>,
     /// Its version, as far as it says.
     pub version: Option<String>,
+    /// The sensors it knows of, where it says without opening them.
+    pub sensors: Vec<Listed>,
 }
 
-/// Asks for both libraries.
-pub(super) fn look() -> Vec<Library> {
-    [Name::Freenect, Name::OpenNi2].map(look_for).into()
+/// A sensor that a library knows of.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Listed {
+    /// What opens it, in the library's words: `1d27/0601@2/5` is a model, a bus and a number on it.
+    pub uri: String,
+    /// Who made it.
+    pub vendor: String,
+    /// What it is called.
+    pub name: String,
+    /// Who made it and what it is, as numbers on the USB.
+    pub usb: (u16, u16),
 }
 
-fn look_for(name: Name) -> Library {
+/// Asks for both libraries, and for the sensors they know of.
+pub(super) fn look() -> (Vec<Library>, Vec<Listed>) {
+    let (libraries, listed): (Vec<_>, Vec<_>) =
+        [Name::Freenect, Name::OpenNi2].map(look_for).into_iter().unzip();
+    (libraries, listed.concat())
+}
+
+fn look_for(name: Name) -> (Library, Vec<Listed>) {
     let (words, serves) = match name {
         Name::Freenect => ("libfreenect", "Kinect for Xbox 360, Kinect for Windows"),
         Name::OpenNi2 => ("OpenNI2", "Asus Xtion, PrimeSense, .oni files"),
     };
-    let missing = |advice| Library { name: words, serves, path: None, version: None, advice: Some(advice) };
+    let missing = |advice| {
+        (Library { name: words, serves, path: None, version: None, advice: Some(advice) }, Vec::new())
+    };
     let launch = match Launch::new(driver_name(name), "") {
         Ok(launch) => launch,
         Err(error) => return missing(format!("this program cannot start itself: {error}")),
     };
     match child::ask(&launch, PATIENCE) {
-        Ok(Message::Found(LibraryFacts { path, version })) => {
-            Library { name: words, serves, path, version, advice: None }
+        Ok(Message::Found(LibraryFacts { path, version, sensors })) => {
+            (Library { name: words, serves, path, version, advice: None }, sensors)
         }
         Ok(Message::Failed(Failure::LibraryMissing(advice))) => missing(advice),
         Ok(Message::Failed(Failure::Other(why) | Failure::Refused(why) | Failure::NotFound(why))) => {
@@ -83,7 +102,7 @@ fn freenect(_request: &Request, link: &mut Link) -> Result<(), DriverError> {
     let path = loaded_as("freenect.so").or_else(|| loaded_as("libfakenect.so"));
     // The library does not say its version, but its file's name does.
     let version = path.as_deref().and_then(version_in);
-    say(link, path, version)
+    say(link, path, version, Vec::new())
 }
 
 #[cfg(not(feature = "freenect"))]
@@ -93,12 +112,12 @@ fn freenect(_request: &Request, _link: &mut Link) -> Result<(), DriverError> {
 
 #[cfg(feature = "openni2")]
 fn openni2(_request: &Request, link: &mut Link) -> Result<(), DriverError> {
-    let version = crate::openni2::version().map_err(|failure| match failure {
+    let found = crate::openni2::look().map_err(|failure| match failure {
         Failure::LibraryMissing(_) => Failure::LibraryMissing(advice::INSTALL_OPENNI2.into()),
         other => other,
     });
-    let version = version.map_err(DriverError::Failed)?;
-    say(link, loaded_as("OpenNI2.so"), Some(version))
+    let (version, sensors) = found.map_err(DriverError::Failed)?;
+    say(link, loaded_as("OpenNI2.so"), Some(version), sensors)
 }
 
 #[cfg(not(feature = "openni2"))]
@@ -107,8 +126,13 @@ fn openni2(_request: &Request, _link: &mut Link) -> Result<(), DriverError> {
 }
 
 #[cfg(any(feature = "freenect", feature = "openni2"))]
-fn say(link: &mut Link, path: Option<String>, version: Option<String>) -> Result<(), DriverError> {
-    link.send(&Message::Found(LibraryFacts { path, version }))
+fn say(
+    link: &mut Link,
+    path: Option<String>,
+    version: Option<String>,
+    sensors: Vec<Listed>,
+) -> Result<(), DriverError> {
+    link.send(&Message::Found(LibraryFacts { path, version, sensors }))
 }
 
 /// The file of a library that is open in this process.

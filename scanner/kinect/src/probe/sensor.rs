@@ -1,9 +1,9 @@
 //! The sensors on the USB bus and what stands in their way.
 
-use super::{Library, Places, Problem, ProblemKind, Sensor};
+use super::{Library, Listed, Places, Problem, ProblemKind, Sensor};
 use crate::advice;
 use crate::source::Ability;
-use crate::usb::{self, Device, PRIMESENSE};
+use crate::usb::{self, Device, MICROSOFT, PRIMESENSE};
 
 /// The driver of a program that uses a device.
 const PROGRAM: &str = "usbfs";
@@ -13,13 +13,14 @@ const USB3: &str = "xhci_hcd";
 const MOTOR: u16 = 0x02b0;
 
 /// All sensors.
-pub(super) fn look(places: &Places, libraries: &[Library]) -> Vec<Sensor> {
+pub(super) fn look(places: &Places, libraries: &[Library], listed: &[Listed]) -> Vec<Sensor> {
     let devices = usb::devices(&places.usb);
-    let finder = Finder { places, libraries, devices: &devices };
+    let finder = Finder { places, libraries, listed, devices: &devices };
     let cameras = devices.iter().filter(|device| device.is_kinect_camera());
     let numbered = cameras.enumerate().map(|(index, camera)| finder.kinect(index, camera));
     let others = devices.iter().filter_map(|device| finder.other(device));
-    let mut sensors: Vec<Sensor> = numbered.chain(others).chain(finder.without_power()).collect();
+    let mut sensors: Vec<Sensor> =
+        numbered.chain(others).chain(finder.without_power()).chain(finder.elsewhere()).collect();
     sensors.sort_by(|a, b| a.port.cmp(&b.port));
     sensors
 }
@@ -27,6 +28,8 @@ pub(super) fn look(places: &Places, libraries: &[Library]) -> Vec<Sensor> {
 struct Finder<'a> {
     places: &'a Places,
     libraries: &'a [Library],
+    /// What OpenNI2 knows of.
+    listed: &'a [Listed],
     devices: &'a [Device],
 }
 
@@ -60,9 +63,41 @@ impl Finder<'_> {
         if device.vendor == PRIMESENSE {
             let problems = self.problems(device, "OpenNI2");
             let serial = device.serial.clone();
-            return Some(sensor(device, serial, "openni2", Some("openni2".into()), vec![], problems));
+            return Some(sensor(device, serial, "openni2", Some(self.address(device)), vec![], problems));
         }
         None
+    }
+
+    /// What opens a sensor of OpenNI2's, and no other one.
+    fn address(&self, device: &Device) -> String {
+        let on_usb = |device: &Device| {
+            format!("{:04x}/{:04x}@{}/{}", device.vendor, device.product, device.bus, device.number)
+        };
+        let is_alone = self.devices.iter().filter(|other| other.vendor == PRIMESENSE).count() == 1;
+        if is_alone && !self.listed.iter().any(|listed| listed.uri == on_usb(device)) {
+            return "openni2".to_owned();
+        }
+        format!("openni2:{}", on_usb(device))
+    }
+
+    /// Sensors that OpenNI2 knows of and that were not found on the USB; a Kinect's cameras are libfreenect's.
+    fn elsewhere(&self) -> Vec<Sensor> {
+        let is_found = |listed: &Listed| {
+            self.devices.iter().any(|device| (device.vendor, device.product) == listed.usb)
+                || listed.usb.0 == MICROSOFT
+        };
+        let others = self.listed.iter().filter(|listed| !is_found(listed));
+        others
+            .map(|listed| Sensor {
+                model: plain(&format!("{} {}", listed.vendor, listed.name)),
+                serial: String::new(),
+                port: String::new(),
+                backend: "openni2",
+                address: Some(format!("openni2:{}", plain(&listed.uri))),
+                abilities: Vec::new(),
+                problems: Vec::new(),
+            })
+            .collect()
     }
 
     /// Parts of Kinects beside which no camera appears: one sensor for all parts of a Kinect.
@@ -127,6 +162,11 @@ impl Finder<'_> {
         }
         problems
     }
+}
+
+/// What a driver says of a sensor goes to a terminal: no control characters.
+fn plain(text: &str) -> String {
+    text.trim().chars().filter(|c| !c.is_control()).collect()
 }
 
 /// Whether two devices are parts of one Kinect: they hang on the hub inside it.

@@ -8,11 +8,13 @@ use tempfile::TempDir;
 /// A system with USB devices to look at.
 struct System {
     home: TempDir,
+    /// What OpenNI2 knows of.
+    listed: Vec<Listed>,
 }
 
 impl System {
     fn new() -> Self {
-        let system = Self { home: tempfile::tempdir().unwrap() };
+        let system = Self { home: tempfile::tempdir().unwrap(), listed: Vec::new() };
         fs::create_dir_all(system.path("sys/bus/usb/devices")).unwrap();
         system
     }
@@ -62,7 +64,7 @@ impl System {
     fn sensors(&self, may_use: fn(&Path) -> bool) -> Vec<Sensor> {
         let places = Places { may_use, ..Places::below(self.home.path()) };
         let there = |name| Library { name, serves: "", path: None, version: None, advice: None };
-        sensor::look(&places, &[there("libfreenect"), there("OpenNI2")])
+        sensor::look(&places, &[there("libfreenect"), there("OpenNI2")], &self.listed)
     }
 }
 
@@ -123,6 +125,28 @@ fn the_second_generation_and_others() {
 }
 
 #[test]
+fn every_sensor_of_openni2_has_an_address_of_its_own() {
+    let mut system = System::new();
+    for name in ["2-1", "3-1"] {
+        system.device_of(usb::PRIMESENSE, name, 0x0601, 0x0001, "");
+    }
+    let listed = |uri: &str, usb| Listed { uri: uri.into(), vendor: "A\u{1b}".into(), name: "B".into(), usb };
+    system.listed = vec![
+        listed("1d27/0601@2/7", (0x1d27, 0x0601)),
+        listed("1d27/0601@3/7", (0x1d27, 0x0601)),
+        listed("2bc5/0401@3/8", (0x2bc5, 0x0401)),
+        listed("freenect://0", (usb::MICROSOFT, 0x02ae)),
+    ];
+    let sensors = system.sensors(|_| true);
+    let addresses: Vec<&str> = sensors.iter().filter_map(|sensor| sensor.address.as_deref()).collect();
+    assert_eq!(addresses, ["openni2:2bc5/0401@3/8", "openni2:1d27/0601@2/7", "openni2:1d27/0601@3/7"]);
+    assert_eq!((sensors[0].model.as_str(), sensors[0].is_usable()), ("A B", true));
+    // Where the library lists nothing, what the USB says must do.
+    system.listed.clear();
+    assert_eq!(system.sensors(|_| true)[1].address.as_deref(), Some("openni2:1d27/0601@3/7"));
+}
+
+#[test]
 fn what_stands_in_the_way() {
     let system = System::new();
     system.device("3-1.3", 0x02ae, 0x010b, "A0");
@@ -165,7 +189,7 @@ fn a_missing_library_says_how_to_get_it() {
         advice: Some("install it".into()),
     };
     let places = Places { may_use: |_| true, ..Places::below(system.home.path()) };
-    let sensors = sensor::look(&places, &[missing]);
+    let sensors = sensor::look(&places, &[missing], &[]);
     assert_eq!(kinds(&sensors[0]), [ProblemKind::LibraryMissing]);
     assert!(sensors[0].obstacle().unwrap().text.contains("install it"));
 }

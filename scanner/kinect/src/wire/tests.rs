@@ -26,7 +26,7 @@ fn every_message() -> Vec<Message> {
         Message::Gravity([0.0, 9.81, -0.5]),
         Message::Answer(None),
         Message::Answer(Some("the motor is at its end".into())),
-        Message::Found(LibraryFacts { path: Some("/usr/lib/l.so".into()), version: None }),
+        Message::Found(LibraryFacts { path: Some("/usr/lib/l.so".into()), version: None, sensors: vec![] }),
         Message::Alive,
         Message::Unplugged,
         Message::Ended,

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use kinect::child::ChildSource;
 use kinect::source::{Ability, Control, Event, Source, SourceError};
-use mock_oni_driver::{URI, picture};
+use mock_oni_driver::{SECOND_URI, SERIALS, URI, picture};
 
 use crate::support::{Private, openni2, wait_for_frame};
 
@@ -32,6 +32,41 @@ fn frames_are_registered_unmirrored_and_paired() {
             assert_eq!(frame.color_timestamp_nanos - frame.depth_timestamp_nanos, 4_000_000);
         }
         source.stop();
+    }
+}
+
+/// Each of two sensors by its address and by its serial number, which finds it again after it was unplugged.
+#[test]
+fn two_sensors_are_told_apart() {
+    let Some(core) = openni2() else { return };
+    let private = Private::new(&core);
+    let two = [("MOCK_KINECT_SECOND", "1")];
+    let open = |target: &str| ChildSource::open(private.launch(target, &two));
+    for (target, uri, serial) in [
+        ("", URI, SERIALS[0]),
+        (URI, URI, SERIALS[0]),
+        (SECOND_URI, SECOND_URI, SERIALS[1]),
+        (SERIALS[1], SECOND_URI, SERIALS[1]),
+    ] {
+        let source = open(target).unwrap();
+        let sensor = source.sensor();
+        assert_eq!((sensor.address.as_str(), sensor.serial.as_str()), (&*format!("openni2:{uri}"), serial));
+    }
+    let (mut first, mut second) = (open(URI).unwrap(), open(SECOND_URI).unwrap());
+    (first.start().unwrap(), second.start().unwrap());
+    wait_for_frame(&mut first, SOON, |_| true);
+    wait_for_frame(&mut second, SOON, |_| true);
+    private.unplug();
+    assert!(second.start().is_err());
+    private.plug_in();
+    second.start().unwrap();
+    assert_eq!(second.sensor().serial, SERIALS[1]);
+    wait_for_frame(&mut second, SOON, |_| true);
+    for missing in ["mock://kinect2", "MOCK0003"] {
+        match open(missing) {
+            Err(SourceError::NotFound(words)) => assert!(words.contains(SECOND_URI), "{words}"),
+            other => panic!("{other:?}"),
+        }
     }
 }
 

@@ -13,6 +13,7 @@ pub(crate) const SENSOR_DEPTH: c_int = 3;
 
 pub(crate) const DEVICE_STATE_ERROR: c_int = 1;
 
+pub(crate) const DEVICE_SERIAL: c_int = 3;
 pub(crate) const DEVICE_REGISTRATION: c_int = 5;
 pub(crate) const STREAM_CROPPING: c_int = 0;
 pub(crate) const STREAM_HORIZONTAL_FOV: c_int = 1;

@@ -6,22 +6,22 @@ use std::ptr;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
 
-use crate::URI;
 use crate::c_types::{
-    BAD_PARAMETER, DEVICE_REGISTRATION, DEVICE_STATE_ERROR, DeviceCallback, DeviceInfo, ERROR, FrameCallback,
-    NOT_IMPLEMENTED, NOT_SUPPORTED, OK, SENSOR_COLOR, SENSOR_DEPTH, STREAM_AUTO_EXPOSURE,
+    BAD_PARAMETER, DEVICE_REGISTRATION, DEVICE_SERIAL, DEVICE_STATE_ERROR, DeviceCallback, DeviceInfo, ERROR,
+    FrameCallback, NOT_IMPLEMENTED, NOT_SUPPORTED, OK, SENSOR_COLOR, SENSOR_DEPTH, STREAM_AUTO_EXPOSURE,
     STREAM_AUTO_WHITE_BALANCE, STREAM_CROPPING, STREAM_HORIZONTAL_FOV, STREAM_MAX_VALUE, STREAM_MIRRORING,
     STREAM_STRIDE, STREAM_VERTICAL_FOV, STREAM_VIDEO_MODE, SensorInfo, StateCallback, StreamServices,
     VideoMode,
 };
 use crate::stream::{COLOR_MODE, DEPTH_MODE, Stream};
+use crate::{SECOND_URI, SERIALS, URI};
 
 /// How to tell the core that the sensor is gone.
 struct Core {
     disconnected: DeviceCallback,
     state_changed: StateCallback,
     cookie: usize,
-    info: usize,
+    infos: Vec<usize>,
 }
 
 static CORE: Mutex<Option<Core>> = Mutex::new(None);
@@ -45,11 +45,33 @@ pub(crate) fn notice_unplugging() -> bool {
         && let Ok(core) = CORE.lock()
         && let Some(core) = core.as_ref()
     {
-        let (info, cookie) = (core.info as *const DeviceInfo, core.cookie as *mut c_void);
-        (core.state_changed)(info, DEVICE_STATE_ERROR, cookie);
-        (core.disconnected)(info, cookie);
+        for info in &core.infos {
+            let (info, cookie) = (*info as *const DeviceInfo, core.cookie as *mut c_void);
+            (core.state_changed)(info, DEVICE_STATE_ERROR, cookie);
+            (core.disconnected)(info, cookie);
+        }
     }
     true
+}
+
+/// The addresses of the sensors there are.
+fn addresses() -> &'static [&'static str] {
+    if std::env::var_os("MOCK_KINECT_SECOND").is_some() { &[URI, SECOND_URI] } else { &[URI] }
+}
+
+fn info_of(uri: &str) -> &'static DeviceInfo {
+    let mut info = Box::new(DeviceInfo {
+        uri: [0; 256],
+        vendor: [0; 256],
+        name: [0; 256],
+        usb_vendor: 0x1d27,
+        usb_product: 0x0601,
+    });
+    copy_text(&mut info.uri, uri);
+    copy_text(&mut info.vendor, "Mock");
+    copy_text(&mut info.name, "Kinect for tests");
+    // Lives as long as the process: the core keeps the pointer.
+    Box::leak(info)
 }
 
 fn copy_text(to: &mut [c_char; 256], text: &str) {
@@ -69,25 +91,14 @@ pub extern "C" fn oniDriverInitialize(
     state_changed: StateCallback,
     cookie: *mut c_void,
 ) -> c_int {
-    let mut info = Box::new(DeviceInfo {
-        uri: [0; 256],
-        vendor: [0; 256],
-        name: [0; 256],
-        usb_vendor: 0x1d27,
-        usb_product: 0x0601,
-    });
-    copy_text(&mut info.uri, URI);
-    copy_text(&mut info.vendor, "Mock");
-    copy_text(&mut info.name, "Kinect for tests");
-    // Lives as long as the process: the core keeps the pointer.
-    let info: &DeviceInfo = Box::leak(info);
-    let core =
-        Core { disconnected, state_changed, cookie: cookie as usize, info: ptr::from_ref(info) as usize };
+    let infos: Vec<&DeviceInfo> = addresses().iter().map(|uri| info_of(uri)).collect();
+    let pointers = infos.iter().map(|info| ptr::from_ref(*info) as usize).collect();
+    let core = Core { disconnected, state_changed, cookie: cookie as usize, infos: pointers };
     let Ok(mut place) = CORE.lock() else { return ERROR };
     *place = Some(core);
     drop(place);
     if is_plugged_in() {
-        connected(info, cookie);
+        infos.into_iter().for_each(|info| connected(info, cookie));
     }
     OK
 }
@@ -103,11 +114,11 @@ pub extern "C" fn oniDriverTryDevice(_uri: *const c_char) -> c_int {
 pub unsafe extern "C" fn oniDriverDeviceOpen(uri: *const c_char, _mode: *const c_char) -> *mut c_void {
     // SAFETY: the caller's promise.
     let uri = unsafe { CStr::from_ptr(uri) };
-    if uri.to_bytes() == URI.as_bytes() && is_plugged_in() {
-        // Only compared with null, never looked into.
-        ptr::without_provenance_mut(1)
-    } else {
-        ptr::null_mut()
+    let number = addresses().iter().position(|known| known.as_bytes() == uri.to_bytes());
+    match number.filter(|_| is_plugged_in()) {
+        // Only compared, never looked into.
+        Some(number) => ptr::without_provenance_mut(number + 1),
+        None => ptr::null_mut(),
     }
 }
 
@@ -173,11 +184,16 @@ pub unsafe extern "C" fn oniDriverDeviceSetProperty(
 /// `data` has `*size` bytes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn oniDriverDeviceGetProperty(
-    _device: *mut c_void,
+    device: *mut c_void,
     id: c_int,
     data: *mut c_void,
     size: *mut c_int,
 ) -> c_int {
+    if id == DEVICE_SERIAL {
+        let serial = SERIALS[(device.addr() - 1).min(1)];
+        // SAFETY: the caller's promise; it has more room than a serial number needs, or is told that it has not.
+        return unsafe { put_text(serial, data, size) };
+    }
     if id != DEVICE_REGISTRATION {
         return NOT_SUPPORTED;
     }
@@ -187,7 +203,7 @@ pub unsafe extern "C" fn oniDriverDeviceGetProperty(
 
 #[unsafe(no_mangle)]
 pub extern "C" fn oniDriverDeviceIsPropertySupported(_device: *mut c_void, id: c_int) -> c_int {
-    (id == DEVICE_REGISTRATION).into()
+    matches!(id, DEVICE_REGISTRATION | DEVICE_SERIAL).into()
 }
 
 #[unsafe(no_mangle)]
@@ -408,5 +424,23 @@ unsafe fn put<T>(value: T, data: *mut c_void, size: *mut c_int) -> c_int {
     }
     // SAFETY: as many bytes as the value has are there.
     unsafe { data.cast::<T>().write_unaligned(value) };
+    OK
+}
+
+/// Writes a text with a zero at its end, where there is room.
+///
+/// # Safety
+/// `data` has `*size` bytes.
+unsafe fn put_text(text: &str, data: *mut c_void, size: *mut c_int) -> c_int {
+    // SAFETY: the caller's promise.
+    if (unsafe { *size } as usize) <= text.len() {
+        return BAD_PARAMETER;
+    }
+    // SAFETY: as just seen, all of the text and the zero fit.
+    unsafe {
+        ptr::copy_nonoverlapping(text.as_ptr(), data.cast::<u8>(), text.len());
+        data.cast::<u8>().add(text.len()).write(0);
+        *size = text.len() as c_int + 1;
+    }
     OK
 }
