@@ -305,7 +305,9 @@ fn recording_until_the_time_is_up_and_until_ctrl_c() {
 fn what_is_left_of_a_recording_that_was_killed_can_be_used() {
     let home = Home::new();
     let mut command = command();
-    command.args(["record", "--sensor", "simulated:mug", "--quiet", "--out"]).arg(home.path("rec"));
+    command
+        .args(["record", "--sensor", "simulated:mug", "--seconds", "90", "--quiet", "--out"])
+        .arg(home.path("rec"));
     let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
     let left = home.path("rec.partial");
     let listed = || {
