@@ -1,11 +1,17 @@
-//! Nearest neighbours among 3-D points: the only file that names `kiddo`.
+//! Nearest neighbours among 3-D points: a tree of boxes over points sorted along a Z-order curve, at most 32 to a leaf.
+//!
+//! Sorting by the curve's integers builds the tree in linear time (as Lauterbach et al. 2009 for ray tracing); where many
+//! points share one of its cells, they are split at medians instead. Answers are exactly those of comparing with every
+//! point in single precision, `dx*dx + dy*dy + dz*dz`; of equal distances the lower index is nearer.
 //!
 //! Points with a coordinate that is not finite are never found; indices stay those of the slice given to [`Tree::new`].
 
-use std::cmp::Ordering;
-use std::num::NonZero;
+mod block;
+mod build;
 
-use kiddo::{ImmutableKdTree, SquaredEuclidean};
+pub(crate) use block::Block;
+
+use std::collections::BinaryHeap;
 
 /// A point found: its index in the slice the tree was made of and its squared distance in square metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -16,93 +22,227 @@ pub struct Neighbour {
     pub sq_dist: f32,
 }
 
+/// A box and the points in it.
+#[derive(Debug, Clone, Copy)]
+struct Node {
+    low: [f32; 3],
+    high: [f32; 3],
+    /// Its points' places in the order of the tree.
+    first: u32,
+    end: u32,
+    /// Its second child; the first one follows it. 0 = a leaf.
+    second: u32,
+    /// The node after it and all below it.
+    after: u32,
+}
+
 /// A search structure over fixed points.
 pub struct Tree {
-    inner: Option<ImmutableKdTree<f32, 3>>,
-    /// Original indices where points had to be left out, else empty.
-    original: Vec<u32>,
-    len: usize,
+    /// Parents before children; empty without points.
+    nodes: Vec<Node>,
+    /// Coordinates in the order of the tree.
+    axes: [Vec<f32>; 3],
+    /// Index of each point in the slice given.
+    indices: Vec<u32>,
 }
+
+/// Deepest way down: 16 bits of each axis, then 32 halvings at medians.
+const MAX_DEPTH: usize = 96;
+/// Up to so many neighbours a sorted list is quicker than a heap.
+const SHORT: usize = 64;
 
 impl std::fmt::Debug for Tree {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Tree").field("len", &self.len).finish_non_exhaustive()
+        f.debug_struct("Tree").field("len", &self.len()).finish_non_exhaustive()
     }
 }
 
 impl Tree {
-    /// Builds the tree; a coordinate that is not finite leaves its point out.
+    /// Builds the tree; a coordinate that is not finite leaves its point out, and so does an index beyond 2^28.
     pub fn new(points: &[[f32; 3]]) -> Self {
-        if points.iter().all(is_finite) {
-            return Self::of_finite(points, Vec::new());
-        }
-        let original: Vec<u32> =
-            (0u32..).zip(points).filter(|(_, p)| is_finite(p)).map(|(index, _)| index).collect();
-        let finite: Vec<[f32; 3]> = points.iter().copied().filter(is_finite).collect();
-        Self::of_finite(&finite, original)
-    }
-
-    fn of_finite(points: &[[f32; 3]], original: Vec<u32>) -> Self {
-        let inner = if points.is_empty() { None } else { ImmutableKdTree::new_from_slice(points).ok() };
-        Self { len: inner.as_ref().map_or(0, ImmutableKdTree::size), inner, original }
+        build::tree(points)
     }
 
     /// Number of points that can be found.
     pub fn len(&self) -> usize {
-        self.len
+        self.indices.len()
     }
 
     /// Whether nothing can be found.
     pub fn is_empty(&self) -> bool {
-        self.len == 0
-    }
-
-    fn neighbour(&self, item: usize, sq_dist: f32) -> Neighbour {
-        let index = if self.original.is_empty() { item } else { self.original[item] as usize };
-        Neighbour { index, sq_dist }
+        self.indices.is_empty()
     }
 
     /// The nearest point; `None` for an empty tree or a query that is not finite.
     pub fn nearest(&self, query: &[f32; 3]) -> Option<Neighbour> {
-        let tree = self.inner.as_ref().filter(|_| is_finite(query))?;
-        let found = tree.query(query).nearest_one::<SquaredEuclidean<f32>>().execute();
-        Some(self.neighbour(found.item as usize, found.distance))
+        self.nearest_below(query, f32::INFINITY)
     }
 
     /// The nearest point not farther than `radius` metres.
     pub fn nearest_within(&self, query: &[f32; 3], radius: f32) -> Option<Neighbour> {
-        self.nearest(query).filter(|found| found.sq_dist <= radius * radius)
+        self.nearest_below(query, radius * radius)
+    }
+
+    fn nearest_below(&self, query: &[f32; 3], limit: f32) -> Option<Neighbour> {
+        let mut best = packed(limit, u32::MAX);
+        self.visit(query, limit, |first, end| {
+            let [xs, ys, zs] = self.axes.each_ref().map(|axis| &axis[first..end]);
+            for (((x, y), z), &index) in xs.iter().zip(ys).zip(zs).zip(&self.indices[first..end]) {
+                best = best.min(packed(sq_dist(&[*x, *y, *z], query), index));
+            }
+            distance_of(best)
+        });
+        (best as u32 != u32::MAX).then(|| unpacked(best))
     }
 
     /// The `count` nearest points, nearest first (fewer where there are fewer).
     pub fn nearest_n(&self, query: &[f32; 3], count: usize) -> Vec<Neighbour> {
-        let (Some(tree), Some(count)) = (&self.inner, NonZero::new(count.min(self.len))) else {
-            return Vec::new();
+        let count = count.min(self.len());
+        let found = match count {
+            0 => Vec::new(),
+            1..=SHORT => self.nearest_few(query, count),
+            _ => self.nearest_many(query, count),
         };
-        if !is_finite(query) {
-            return Vec::new();
-        }
-        let found = tree.query(query).nearest_n::<SquaredEuclidean<f32>>(count).execute();
-        found.into_iter().map(|n| self.neighbour(n.item as usize, n.distance)).collect()
+        found.into_iter().map(unpacked).collect()
+    }
+
+    fn nearest_few(&self, query: &[f32; 3], count: usize) -> Vec<u64> {
+        let mut best = [u64::MAX; SHORT];
+        let best = &mut best[..count];
+        self.visit(query, f32::INFINITY, |first, end| {
+            for slot in first..end {
+                let new = packed(sq_dist(&self.at(slot), query), self.indices[slot]);
+                if new < best[count - 1] {
+                    let place = best.partition_point(|old| *old < new);
+                    best.copy_within(place..count - 1, place + 1);
+                    best[place] = new;
+                }
+            }
+            if best[count - 1] == u64::MAX { f32::INFINITY } else { distance_of(best[count - 1]) }
+        });
+        best.iter().copied().take_while(|found| *found != u64::MAX).collect()
+    }
+
+    fn nearest_many(&self, query: &[f32; 3], count: usize) -> Vec<u64> {
+        let mut best = BinaryHeap::with_capacity(count + 1);
+        self.visit(query, f32::INFINITY, |first, end| {
+            for slot in first..end {
+                best.push(packed(sq_dist(&self.at(slot), query), self.indices[slot]));
+                if best.len() > count {
+                    best.pop();
+                }
+            }
+            best.peek().filter(|_| best.len() == count).map_or(f32::INFINITY, |worst| distance_of(*worst))
+        });
+        best.into_sorted_vec()
     }
 
     /// All points not farther than `radius` metres, nearest first; equal distances in the order of their indices.
     pub fn within_radius(&self, query: &[f32; 3], radius: f32) -> Vec<Neighbour> {
         let mut found = self.within_radius_unsorted(query, radius);
-        found.sort_unstable_by(|a, b| {
-            a.sq_dist.partial_cmp(&b.sq_dist).unwrap_or(Ordering::Equal).then(a.index.cmp(&b.index))
-        });
+        found.sort_unstable_by_key(|n| packed(n.sq_dist, n.index as u32));
         found
     }
 
     /// All points not farther than `radius` metres, in an order fixed by the tree alone.
     pub fn within_radius_unsorted(&self, query: &[f32; 3], radius: f32) -> Vec<Neighbour> {
-        let Some(tree) = self.inner.as_ref().filter(|_| is_finite(query) && radius >= 0.0) else {
-            return Vec::new();
-        };
-        let found = tree.query(query).within::<SquaredEuclidean<f32>>(radius * radius).unsorted().execute();
-        found.into_iter().map(|n| self.neighbour(n.item as usize, n.distance)).collect()
+        let mut found = Vec::new();
+        if radius.is_nan() || radius < 0.0 || !is_finite(query) {
+            return found;
+        }
+        let limit = radius * radius;
+        self.visit_in_order(query, limit, |first, end| {
+            for slot in first..end {
+                let sq_dist = sq_dist(&self.at(slot), query);
+                if sq_dist <= limit {
+                    found.push(Neighbour { index: self.indices[slot] as usize, sq_dist });
+                }
+            }
+        });
+        found
     }
+
+    #[inline]
+    fn at(&self, slot: usize) -> [f32; 3] {
+        [self.axes[0][slot], self.axes[1][slot], self.axes[2][slot]]
+    }
+
+    /// Shows the leaves that may hold a point within a squared distance, the nearer child first; `leaf` returns the
+    /// distance that still counts.
+    fn visit(&self, query: &[f32; 3], mut limit: f32, mut leaf: impl FnMut(usize, usize) -> f32) {
+        if self.nodes.is_empty() || !is_finite(query) {
+            return;
+        }
+        let mut waiting = [(0u32, 0.0f32); MAX_DEPTH];
+        let mut count = 1;
+        while count > 0 {
+            count -= 1;
+            let (mut at, distance) = waiting[count];
+            if distance > limit {
+                continue;
+            }
+            while self.nodes[at as usize].second != 0 {
+                let (a, b) = (at + 1, self.nodes[at as usize].second);
+                let [to_a, to_b] = [a, b].map(|node| self.nodes[node as usize].sq_dist(query));
+                let (near, far, to_far) = if to_a <= to_b { (a, b, to_b) } else { (b, a, to_a) };
+                if to_far <= limit {
+                    waiting[count] = (far, to_far);
+                    count += 1;
+                }
+                at = near;
+            }
+            let node = &self.nodes[at as usize];
+            if node.sq_dist(query) <= limit {
+                limit = leaf(node.first as usize, node.end as usize).min(limit);
+            }
+        }
+    }
+
+    /// Shows the leaves that may hold a point within a squared distance, in the order of the tree.
+    fn visit_in_order(&self, query: &[f32; 3], limit: f32, mut leaf: impl FnMut(usize, usize)) {
+        let mut at = 0;
+        while let Some(node) = self.nodes.get(at) {
+            if node.sq_dist(query) > limit {
+                at = node.after as usize;
+            } else {
+                if node.second == 0 {
+                    leaf(node.first as usize, node.end as usize);
+                }
+                at += 1;
+            }
+        }
+    }
+}
+
+impl Node {
+    /// Squared distance to the box; rounded as that to a point is, it is never above that to a point inside.
+    #[inline]
+    fn sq_dist(&self, query: &[f32; 3]) -> f32 {
+        let outside: [f32; 3] =
+            std::array::from_fn(|k| (self.low[k] - query[k]).max(query[k] - self.high[k]).max(0.0));
+        outside[0] * outside[0] + outside[1] * outside[1] + outside[2] * outside[2]
+    }
+}
+
+#[inline]
+fn sq_dist(a: &[f32; 3], b: &[f32; 3]) -> f32 {
+    let [x, y, z] = [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+    x * x + y * y + z * z
+}
+
+/// Distance above index: distances are not negative, so their bits are in their order.
+#[inline]
+fn packed(sq_dist: f32, index: u32) -> u64 {
+    (u64::from(sq_dist.to_bits()) << 32) | u64::from(index)
+}
+
+#[inline]
+fn distance_of(packed: u64) -> f32 {
+    f32::from_bits((packed >> 32) as u32)
+}
+
+fn unpacked(packed: u64) -> Neighbour {
+    Neighbour { index: packed as u32 as usize, sq_dist: distance_of(packed) }
 }
 
 fn is_finite(point: &[f32; 3]) -> bool {

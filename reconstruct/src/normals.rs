@@ -8,6 +8,9 @@ use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
 use crate::knn::{Neighbour, Tree};
+use crate::simd::run;
+
+mod scattered;
 
 /// Which points are neighbours.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,27 +40,24 @@ pub struct Surface {
     pub curvatures: Vec<f32>,
 }
 
-/// Normals and curvatures of points, the normals turned to `viewpoint`.
+/// Normals and curvatures of points, the normals turned to `viewpoint`; `tree` is that of the same points.
 pub fn estimate(
     points: &[[f32; 3]],
     tree: &Tree,
     neighbourhood: Neighbourhood,
     viewpoint: &[f32; 3],
 ) -> Surface {
-    let rows: Vec<([f32; 3], f32)> = points
-        .par_iter()
-        .with_min_len(256)
-        .map(|p| {
-            let found = neighbourhood.of(tree, p);
-            let mut moments = Moments::around(*p);
-            for n in &found {
-                moments.add(&points[n.index]);
-            }
-            moments.surface(p, viewpoint)
-        })
+    let leaves = tree.leaves();
+    let chunks: Vec<_> = leaves
+        .par_chunks(scattered::LEAVES)
+        .map(|leaves| run(scattered::Chunk { tree, leaves, neighbourhood, viewpoint: *viewpoint }))
         .collect();
-    let (normals, curvatures) = rows.into_iter().unzip();
-    Surface { normals, curvatures }
+    let mut surface = Surface { normals: vec![[0.0; 3]; points.len()], curvatures: vec![0.0; points.len()] };
+    for (&index, (normal, curvature)) in tree.indices().iter().zip(chunks.into_iter().flatten()) {
+        surface.normals[index as usize] = normal;
+        surface.curvatures[index as usize] = curvature;
+    }
+    surface
 }
 
 /// How far two neighbouring pixels may differ in depth and still lie on one surface.
@@ -138,6 +138,12 @@ impl Moments {
         for (sum, v) in self.products.iter_mut().zip([x * x, x * y, x * z, y * y, y * z, z * z]) {
             *sum += v;
         }
+    }
+
+    /// Of lanes that were summed beside each other.
+    fn of_sums(origin: [f32; 3], count: usize, sums: [f32; 9]) -> Self {
+        let [x, y, z, products @ ..] = sums;
+        Self { origin, count, sum: [x, y, z], products }
     }
 
     fn surface(&self, p: &[f32; 3], viewpoint: &[f32; 3]) -> ([f32; 3], f32) {
