@@ -7,7 +7,7 @@ SCANS ?= 300
 FUZZ_SECONDS ?= 20
 export CARGO_TERM_COLOR ?= auto
 
-.PHONY: help demo test build web lint test-rust test-drivers test-web test-browser fuzz licences accuracy marker-corners capture-load clean
+.PHONY: help demo test build web lint test-rust test-drivers test-web test-browser fuzz licences accuracy bench marker-corners capture-load clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{printf "  make %-16s %s\n", $$1, $$2}'
@@ -59,6 +59,9 @@ licences: build ## licences and duplicate versions of all dependencies
 
 accuracy: ## SCANS simulated scans judged against their truth
 	cargo run $(CARGO_FLAGS) -p tests --bin accuracy -- --scans $(SCANS)
+
+bench: ## peers and our stages side by side on the same inputs: docs/benchmarks.md (20 minutes; the first time more)
+	tests/compare/side_by_side.sh
 
 marker-corners: ## corner error on RECORDING (with truth) against its poses
 	cargo run $(CARGO_FLAGS) -p tests --bin marker-corners -- "$(RECORDING)"

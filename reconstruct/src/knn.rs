@@ -315,4 +315,27 @@ mod tests {
         assert_eq!(tree.within_radius(&[0.5; 3], 0.1).len(), 5000);
         assert_eq!(tree.nearest_n(&[0.0; 3], 30).len(), 30);
     }
+
+    #[test]
+    fn neighbours_are_exactly_those_of_plain_search_index_by_index() {
+        let mut rng = fastrand::Rng::with_seed(11);
+        let mut points: Vec<[f32; 3]> = (0..3000)
+            .map(|i| [rng.f32(), rng.f32(), if i % 3 == 0 { 0.25 } else { 0.01 * rng.f32() }])
+            .collect();
+        points.extend_from_within(..200);
+        points.push([4e5, -3e5, 1e4]);
+        let tree = Tree::new(&points);
+        for query in points.iter().step_by(31).chain(&[[7.0, -3.0, 0.2], [1e30, 0.0, 0.0]]) {
+            let mut all: Vec<Neighbour> = (0..points.len())
+                .map(|index| Neighbour { index, sq_dist: sq_dist(&points[index], query) })
+                .collect();
+            all.sort_by(|a, b| a.sq_dist.total_cmp(&b.sq_dist).then(a.index.cmp(&b.index)));
+            for count in [1, 7, 64, 65, 300] {
+                assert_eq!(tree.nearest_n(query, count), all[..count]);
+            }
+            assert_eq!(tree.nearest(query), Some(all[0]));
+            let within = all.iter().take_while(|n| n.sq_dist <= 0.01).copied().collect::<Vec<_>>();
+            assert_eq!(tree.within_radius(query, 0.1), within);
+        }
+    }
 }

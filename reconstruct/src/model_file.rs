@@ -9,6 +9,7 @@ pub mod glb;
 pub mod pcd;
 pub mod ply;
 
+mod decimal;
 mod error;
 mod lines;
 mod lzf;

@@ -10,6 +10,8 @@ use rayon::prelude::*;
 use crate::knn::{Neighbour, Tree};
 use crate::simd::run;
 
+mod eigen;
+mod organised;
 mod scattered;
 
 /// Which points are neighbours.
@@ -77,9 +79,9 @@ impl Default for DepthJump {
 
 /// Normals of an organised depth map in the camera frame; the camera is at the origin.
 ///
-/// `points` has `width * height` rows, row-major, NaN where there is no depth. A pixel's neighbours are those of the
-/// square window of `radius_px` that don't jump in depth from it. Fewer than a third of the window, or pixels on one line,
-/// give no normal.
+/// `points` has `width * height` rows, row-major, NaN where there is no depth. A pixel's neighbours are those of its column
+/// within `radius_px` that don't jump in depth from it, and of their rows those that don't jump from them. Fewer than a third
+/// of the window, or pixels on one line, give no normal.
 pub fn normals_of_depth(
     points: &[[f32; 3]],
     width: usize,
@@ -90,60 +92,34 @@ pub fn normals_of_depth(
     if width == 0 || points.len() != width.saturating_mul(height) {
         return Surface { normals: vec![[0.0; 3]; points.len()], curvatures: vec![0.0; points.len()] };
     }
-    let needed = ((2 * radius_px + 1).pow(2) / 3).max(3);
-    let rows: Vec<([f32; 3], f32)> = (0..points.len())
-        .into_par_iter()
-        .with_min_len(width)
-        .map(|i| {
-            let (u, v, p) = (i % width, i / width, points[i]);
-            if !p[2].is_finite() {
-                return ([0.0; 3], 0.0);
-            }
-            let limit = jump.metres + jump.per_square_metre * p[2] * p[2];
-            let mut moments = Moments::around(p);
-            for y in v.saturating_sub(radius_px)..(v + radius_px + 1).min(height) {
-                let row = &points[y * width..(y + 1) * width];
-                for q in &row[u.saturating_sub(radius_px)..(u + radius_px + 1).min(width)] {
-                    if (q[2] - p[2]).abs() <= limit {
-                        moments.add(q);
-                    }
-                }
-            }
-            if moments.count < needed { ([0.0; 3], 0.0) } else { moments.surface(&p, &[0.0; 3]) }
-        })
-        .collect();
-    let (normals, curvatures) = rows.into_iter().unzip();
-    Surface { normals, curvatures }
+    organised::surface(points, width, radius_px, jump)
 }
 
 /// Sums for a covariance, relative to a nearby origin so that nothing cancels.
 struct Moments {
-    origin: [f32; 3],
     count: usize,
     sum: [f32; 3],
     products: [f32; 6],
 }
 
 impl Moments {
-    fn around(origin: [f32; 3]) -> Self {
-        Self { origin, count: 0, sum: [0.0; 3], products: [0.0; 6] }
-    }
-
-    fn add(&mut self, p: &[f32; 3]) {
-        let [x, y, z] = [p[0] - self.origin[0], p[1] - self.origin[1], p[2] - self.origin[2]];
-        self.count += 1;
-        for (sum, v) in self.sum.iter_mut().zip([x, y, z]) {
-            *sum += v;
-        }
-        for (sum, v) in self.products.iter_mut().zip([x * x, x * y, x * z, y * y, y * z, z * z]) {
-            *sum += v;
-        }
-    }
-
-    /// Of lanes that were summed beside each other.
-    fn of_sums(origin: [f32; 3], count: usize, sums: [f32; 9]) -> Self {
+    /// Of the coordinates' sums and those of their products.
+    fn of_sums(count: usize, sums: [f32; 9]) -> Self {
         let [x, y, z, products @ ..] = sums;
-        Self { origin, count, sum: [x, y, z], products }
+        Self { count, sum: [x, y, z], products }
+    }
+
+    #[cfg(test)]
+    fn of_points(origin: &[f32; 3], points: impl Iterator<Item = [f32; 3]>) -> Self {
+        let (mut count, mut sums) = (0, [0.0; 9]);
+        for p in points {
+            let [x, y, z] = [p[0] - origin[0], p[1] - origin[1], p[2] - origin[2]];
+            count += 1;
+            for (sum, v) in sums.iter_mut().zip([x, y, z, x * x, x * y, x * z, y * y, y * z, z * z]) {
+                *sum += v;
+            }
+        }
+        Self::of_sums(count, sums)
     }
 
     fn surface(&self, p: &[f32; 3], viewpoint: &[f32; 3]) -> ([f32; 3], f32) {
@@ -283,5 +259,86 @@ mod tests {
             assert!(n[2] < -0.999, "{n:?} at {u}");
         }
         assert_eq!(normals_of_depth(&points, 7, 7, 3, DepthJump::default()).normals.len(), points.len());
+    }
+
+    /// Present or not alike, and less than `limit` radians apart.
+    #[track_caller]
+    fn assert_alike(a: &[[f32; 3]], b: &[[f32; 3]], limit: f32) {
+        for (a, b) in a.iter().zip(b) {
+            let (a, b) = (Vector3::from(*a), Vector3::from(*b));
+            assert_eq!(a.norm() > 0.0, b.norm() > 0.0);
+            assert!(a.cross(&b).norm() < limit, "{a} {b}");
+        }
+    }
+
+    #[test]
+    fn both_paths_agree_and_so_does_any_number_of_threads() {
+        let points = sphere(0.1, 3000);
+        let tree = Tree::new(&points);
+        for neighbourhood in [Neighbourhood::Nearest(20), Neighbourhood::Radius(0.01)] {
+            let leaves = tree.leaves();
+            let chunk = || scattered::Chunk {
+                tree: &tree,
+                leaves: &leaves,
+                neighbourhood,
+                viewpoint: [0.0, 0.0, 1.0],
+            };
+            let normals =
+                |rows: Vec<([f32; 3], f32)>| -> Vec<[f32; 3]> { rows.iter().map(|r| r.0).collect() };
+            let portable = normals(pulp::WithSimd::with_simd(chunk(), pulp::Scalar));
+            assert_alike(&portable, &normals(run(chunk())), 1e-4);
+            let on = |threads| {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                pool.install(|| estimate(&points, &tree, neighbourhood, &[0.0; 3]))
+            };
+            assert!(on(1) == on(3));
+        }
+    }
+
+    #[test]
+    fn the_nearest_are_found_among_equal_distances_and_far_strays() {
+        // A lattice has many equal distances; of those as far as the last the lowest indices count.
+        let mut points: Vec<[f32; 3]> =
+            (0..900).map(|i| [(i % 30) as f32, (i / 30) as f32, (i % 7) as f32 * 0.01]).collect();
+        points.extend([[500.0, 3.0, 1.0], [500.0, 4.0, 2.0], [-9000.0, 1.0, 5.0]]);
+        let tree = Tree::new(&points);
+        let found = estimate(&points, &tree, Neighbourhood::Nearest(12), &[0.0, 0.0, 1e5]);
+        for (i, p) in points.iter().enumerate() {
+            let near = tree.nearest_n(p, 12);
+            let moments = Moments::of_points(p, near.iter().map(|n| points[n.index]));
+            let (expected, _) = moments.surface(p, &[0.0, 0.0, 1e5]);
+            assert_alike(&[found.normals[i]], &[expected], 1e-3);
+        }
+    }
+
+    #[test]
+    fn organised_normals_are_those_of_the_plain_window() {
+        let (width, height, radius) = (61usize, 43usize, 3usize);
+        let mut rng = fastrand::Rng::with_seed(8);
+        let points: Vec<[f32; 3]> = (0..width * height)
+            .map(|i| {
+                let (u, v) = ((i % width) as f32 - 30.0, (i / width) as f32 - 21.0);
+                let z = if u < 5.0 { 0.8 + 0.001 * u } else { 1.0 + 0.002 * v } + 0.001 * rng.f32();
+                if rng.u8(..) < 8 { [f32::NAN; 3] } else { [u / 525.0 * z, v / 525.0 * z, z] }
+            })
+            .collect();
+        let jump = DepthJump::default();
+        let found = normals_of_depth(&points, width, height, radius, jump);
+        let mut angles = Vec::new();
+        for (i, p) in points.iter().enumerate().filter(|(_, p)| p[2].is_finite()) {
+            let (u, v) = (i % width, i / width);
+            let limit = jump.metres + jump.per_square_metre * p[2] * p[2];
+            let rows = v.saturating_sub(radius)..(v + radius + 1).min(height);
+            let columns = u.saturating_sub(radius)..(u + radius + 1).min(width);
+            let window = rows.flat_map(|y| columns.clone().map(move |x| y * width + x)).map(|at| points[at]);
+            let moments = Moments::of_points(p, window.filter(|q| (q[2] - p[2]).abs() <= limit));
+            let (expected, _) = moments.surface(p, &[0.0; 3]);
+            if found.normals[i] != [0.0; 3] {
+                angles.push(Vector3::from(expected).cross(&Vector3::from(found.normals[i])).norm());
+            }
+        }
+        angles.sort_by(f32::total_cmp);
+        assert!(angles.len() > 2300, "{}", angles.len());
+        assert!(angles[angles.len() / 2] < 0.005 && angles[angles.len() * 99 / 100] < 0.08);
     }
 }

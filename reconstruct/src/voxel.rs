@@ -16,6 +16,12 @@ use crate::simd::run;
 const CHUNK: usize = 1 << 14;
 /// Highest bits by which keys are shared among threads.
 const SHARE_BITS: u32 = 12;
+/// Points and coordinates looked at together: whole registers.
+const GROUP_POINTS: usize = 8;
+const GROUP: usize = 3 * GROUP_POINTS;
+/// Adding 2^52 to a smaller whole number shows it in the lowest bits.
+const ROUNDER: f64 = 4_503_599_627_370_496.0;
+const ROUNDER_BITS: u32 = 52;
 /// Key of a point that is not finite.
 const NOWHERE: u64 = u64::MAX;
 
@@ -138,9 +144,15 @@ impl Lattice {
         let v = f64::from(v);
         let quick = v * self.per_cell;
         let floor = quick.floor();
-        let beside = (quick - floor - 0.5).abs() > 0.499_999 || quick.abs() > 1e9;
-        if beside { (v / self.cell).floor() } else { floor }
+        if is_beside(quick, floor) { (v / self.cell).floor() } else { floor }
     }
+}
+
+/// Whether a quotient is so near to an integer, or so large, that its last bits decide; so is what is not finite.
+#[inline(always)]
+fn is_beside(quick: f64, floor: f64) -> bool {
+    let inside = ((quick - floor - 0.5).abs() <= 0.499_999) & (quick.abs() <= 1e9);
+    !inside
 }
 
 const NO_BOUNDS: ([f32; 3], [f32; 3]) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
@@ -161,16 +173,30 @@ impl WithSimd for Bounds<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> Self::Output {
-        let (mut low, mut high) = NO_BOUNDS;
-        for p in self.0 {
-            let finite = (p[0] - p[0]) + (p[1] - p[1]) + (p[2] - p[2]) == 0.0;
-            for k in 0..3 {
-                let (a, b) = if finite { (p[k], p[k]) } else { (f32::INFINITY, f32::NEG_INFINITY) };
-                low[k] = if a < low[k] { a } else { low[k] };
-                high[k] = if b > high[k] { b } else { high[k] };
+        let (groups, rest) = self.0.as_flattened().as_chunks::<GROUP>();
+        let (mut low, mut high) = ([f32::INFINITY; GROUP], [f32::NEG_INFINITY; GROUP]);
+        let mut odd = [0u32; GROUP];
+        for group in groups {
+            for i in 0..GROUP {
+                let v = group[i];
+                low[i] = if v < low[i] { v } else { low[i] };
+                high[i] = if v > high[i] { v } else { high[i] };
+                odd[i] |= u32::from(!v.is_finite());
             }
         }
-        (low, high)
+        let bounds = |points: &[[f32; 3]], start| {
+            let finite = points.iter().filter(|p| is_finite(p));
+            finite.fold(start, |(a, b), p| (lower(&a, p), upper(&b, p)))
+        };
+        if odd.iter().any(|&odd| odd != 0) {
+            return bounds(self.0, NO_BOUNDS);
+        }
+        let (low, high) = (low.as_chunks::<3>().0, high.as_chunks::<3>().0);
+        let grouped = (
+            low.iter().fold(NO_BOUNDS.0, |a, b| lower(&a, b)),
+            high.iter().fold(NO_BOUNDS.1, |a, b| upper(&a, b)),
+        );
+        bounds(rest.as_chunks::<3>().0, grouped)
     }
 }
 
@@ -183,14 +209,50 @@ struct PackedKeys<'a> {
     index_bits: u32,
 }
 
+impl PackedKeys<'_> {
+    #[inline(always)]
+    fn careful(&self, index: u64, p: &[f32; 3]) -> u64 {
+        if is_finite(p) { (self.lattice.key(p) << self.index_bits) | index } else { NOWHERE }
+    }
+}
+
 impl WithSimd for PackedKeys<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        for ((index, p), key) in (self.first..).zip(self.points).zip(self.keys) {
-            let finite = p.iter().all(|v| v.is_finite());
-            *key = if finite { (self.lattice.key(p) << self.index_bits) | index } else { NOWHERE };
+    fn with_simd<S: Simd>(mut self, _: S) {
+        let keys = std::mem::take(&mut self.keys);
+        let groups = if self.lattice.key_bits < ROUNDER_BITS { self.points.len() / GROUP_POINTS } else { 0 };
+        let (grouped, rest) = self.points.split_at(groups * GROUP_POINTS);
+        let (keys, rest_keys) = keys.split_at_mut(grouped.len());
+        let low: [f64; GROUP] = std::array::from_fn(|i| self.lattice.low[i % 3]);
+        let [nx, ny] = self.lattice.size.map(|size| size as f64);
+        let places = (self.first..).step_by(GROUP_POINTS);
+        let chunks = grouped.as_flattened().as_chunks::<GROUP>().0;
+        for ((first, group), keys) in places.zip(chunks).zip(keys.as_chunks_mut::<GROUP_POINTS>().0) {
+            let mut cells = [0.0; GROUP];
+            let mut beside = [0u32; GROUP];
+            for i in 0..GROUP {
+                let quick = f64::from(group[i]) * self.lattice.per_cell;
+                let floor = quick.floor();
+                beside[i] = u32::from(is_beside(quick, floor));
+                cells[i] = floor - low[i];
+            }
+            if beside.iter().fold(0, |any, beside| any | beside) == 0 {
+                for (p, key) in keys.iter_mut().enumerate() {
+                    let number = (cells[3 * p + 2] * ny + cells[3 * p + 1]) * nx + cells[3 * p];
+                    let number = (number + ROUNDER).to_bits() & ((1 << ROUNDER_BITS) - 1);
+                    *key = (number << self.index_bits) | (first + p as u64);
+                }
+            } else {
+                for ((index, p), key) in (first..).zip(group.as_chunks::<3>().0).zip(keys) {
+                    *key = self.careful(index, p);
+                }
+            }
+        }
+        let first = self.first + grouped.len() as u64;
+        for ((index, p), key) in (first..).zip(rest).zip(rest_keys) {
+            *key = self.careful(index, p);
         }
     }
 }
@@ -348,5 +410,56 @@ mod tests {
         let cloud = PointCloud { points: vec![[-3e38; 3], [3e38; 3]], ..PointCloud::default() };
         assert!(matches!(downsample(&cloud, 1e-3), Err(VoxelError::TooFine { .. })));
         assert!(matches!(downsample(&cloud, 0.0), Err(VoxelError::BadCell(_))));
+    }
+
+    /// Points of which some lie exactly on faces of cells and some have no place.
+    fn scattered(count: usize) -> Vec<[f32; 3]> {
+        let mut rng = fastrand::Rng::with_seed(4);
+        let mut points: Vec<[f32; 3]> = (0..count)
+            .map(|_| {
+                std::array::from_fn(
+                    |_| if rng.u8(..) == 0 { 0.02 * f32::from(rng.u8(..)) } else { rng.f32() },
+                )
+            })
+            .collect();
+        points[count / 2][1] = f32::NAN;
+        points[count / 3][2] = f32::INFINITY;
+        points
+    }
+
+    #[test]
+    fn the_same_bytes_for_any_number_of_threads() {
+        let cloud = PointCloud { points: scattered(70_000), ..PointCloud::default() };
+        let on = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| downsample(&cloud, 0.02).unwrap())
+        };
+        let one = on(1);
+        assert_eq!(one.dropped, 2);
+        assert!(one == on(2) && one == on(5));
+    }
+
+    #[test]
+    fn keys_and_bounds_are_the_same_on_every_path() {
+        let points = scattered(1003);
+        let lattice = Lattice::over(&points, 0.02).unwrap().unwrap();
+        let keys = |scalar: bool| {
+            let mut keys = vec![0; points.len()];
+            let op =
+                PackedKeys { points: &points, keys: &mut keys, lattice: &lattice, first: 0, index_bits: 10 };
+            if scalar {
+                op.with_simd(pulp::Scalar)
+            } else {
+                run(op)
+            }
+            keys
+        };
+        assert_eq!(keys(true), keys(false));
+        for (index, p) in points.iter().enumerate().filter(|(_, p)| is_finite(p)) {
+            let cell = |k: usize| ((f64::from(p[k]) / lattice.cell).floor() - lattice.low[k]) as u64;
+            let number = (cell(2) * lattice.size[1] + cell(1)) * lattice.size[0] + cell(0);
+            assert_eq!(keys(false)[index], (number << 10) | index as u64);
+        }
+        assert_eq!(Bounds(&points[..300]).with_simd(pulp::Scalar), run(Bounds(&points[..300])));
     }
 }

@@ -29,14 +29,31 @@ pub(super) fn for_each_outline(
 ) {
     let mut walked = vec![false; mask.data.len()];
     let mut outline = Outline::new();
-    for start in mask.stride..mask.data.len() {
-        if mask.data[start] == 1 && mask.data[start - 1] == 0 && !walked[start] {
+    let mut at = mask.stride;
+    while let Some(start) = next_left_crack(mask, at) {
+        if !walked[start] {
             let twice_area = follow(mask, connected, start, &mut walked, &mut outline);
             if twice_area > 0 && (min_length..=max_length).contains(&outline.len()) {
                 visit(&outline);
             }
         }
+        at = start + 1;
     }
+}
+
+/// The next black pixel whose left neighbour is not black, from a place that has a left neighbour.
+fn next_left_crack(mask: &BlackMask, from: usize) -> Option<usize> {
+    let here = mask.data.get(from..)?;
+    let left = &mask.data[from - 1..];
+    let words = here.as_chunks::<8>().0.iter().zip(left.as_chunks::<8>().0);
+    for (i, (here, left)) in words.enumerate() {
+        let cracks = u64::from_le_bytes(*here) & !u64::from_le_bytes(*left);
+        if cracks != 0 {
+            return Some(from + 8 * i + cracks.trailing_zeros() as usize / 8);
+        }
+    }
+    let rest = here.len() / 8 * 8;
+    (rest..here.len()).find(|&i| here[i] == 1 && left[i] == 0).map(|i| from + i)
 }
 
 /// Walks from the left crack of a black pixel until it closes; returns twice the enclosed area, negative for holes.

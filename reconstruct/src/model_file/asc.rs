@@ -6,7 +6,7 @@
 use std::io::{BufRead, Write};
 
 use super::lines::{Lines, shown};
-use super::{Limits, ModelError, checked_point};
+use super::{Limits, ModelError, checked_point, decimal};
 use crate::cloud::PointCloud;
 
 /// Colour of points that have none where others do, and of a cloud without colours when written.
@@ -18,6 +18,11 @@ pub fn read(reader: impl BufRead, limits: &Limits) -> Result<PointCloud, ModelEr
     let mut cloud = PointCloud::default();
     let mut colored = false;
     while let Some((line, text)) = lines.next()? {
+        if let Some((millimetres, color)) = plain_point(text) {
+            push(&mut cloud, millimetres, color, limits)?;
+            colored |= color.is_some();
+            continue;
+        }
         let fields = match fields_of(text) {
             Some(fields) if fields.count > 0 => fields,
             _ => continue,
@@ -31,10 +36,9 @@ pub fn read(reader: impl BufRead, limits: &Limits) -> Result<PointCloud, ModelEr
         }
         ModelError::refuse_more("points", cloud.len() as u64 + 1, limits.max_points)?;
         let millimetres = coordinates(&fields, line)?;
-        cloud.points.push(checked_point(millimetres.map(|v| (v / 1000.0) as f32), cloud.len() + 1)?);
         let color = color(&fields, line)?;
+        push(&mut cloud, millimetres, color, limits)?;
         colored |= color.is_some();
-        cloud.colors.push(color.unwrap_or(GRAY));
     }
     if cloud.is_empty() {
         return Err(ModelError::Empty);
@@ -43,6 +47,41 @@ pub fn read(reader: impl BufRead, limits: &Limits) -> Result<PointCloud, ModelEr
         cloud.colors = Vec::new();
     }
     Ok(cloud)
+}
+
+/// Three or six plain numbers and nothing else but blanks, as most lines are; anything else is looked at with more care.
+fn plain_point(line: &[u8]) -> Option<([f64; 3], Option<[u8; 3]>)> {
+    let mut rest = line;
+    let point = [plain_value(&mut rest)?, plain_value(&mut rest)?, plain_value(&mut rest)?];
+    if rest.is_empty() {
+        return Some((point, None));
+    }
+    let mut channel =
+        || plain_value(&mut rest).filter(|v| (0.0..=255.0).contains(v)).map(|v| v.round() as u8);
+    let color = [channel()?, channel()?, channel()?];
+    rest.is_empty().then_some((point, Some(color)))
+}
+
+/// The number at the beginning, which it takes away with the blanks after it.
+#[inline]
+fn plain_value(rest: &mut &[u8]) -> Option<f64> {
+    let (value, length) = decimal::leading(rest)?;
+    let blanks = rest[length..].iter().take_while(|b| matches!(b, b' ' | b'\t')).count();
+    *rest = &rest[length + blanks..];
+    Some(value)
+}
+
+fn push(
+    cloud: &mut PointCloud,
+    millimetres: [f64; 3],
+    color: Option<[u8; 3]>,
+    limits: &Limits,
+) -> Result<(), ModelError> {
+    let number = cloud.len() + 1;
+    ModelError::refuse_more("points", number as u64, limits.max_points)?;
+    cloud.points.push(checked_point(millimetres.map(|v| (v / 1000.0) as f32), number)?);
+    cloud.colors.push(color.unwrap_or(GRAY));
+    Ok(())
 }
 
 /// Writes points given in metres; points without colour are light grey.

@@ -2,23 +2,43 @@
 
 use std::io::{BufRead, ErrorKind, Read};
 
-use super::ModelError;
+use super::{ModelError, decimal};
 
-/// Reads lines without their end into one buffer that is reused.
+/// Reads lines without their end: in place where the reader's buffer holds them whole, else in one that is used again.
 pub(super) struct Lines<R> {
     reader: R,
     buffer: Vec<u8>,
     most: usize,
     number: usize,
+    /// Bytes of the reader's buffer that were given out.
+    shown: usize,
 }
 
 impl<R: BufRead> Lines<R> {
     pub(super) fn new(reader: R, most: usize) -> Self {
-        Self { reader, buffer: Vec::new(), most, number: 0 }
+        Self { reader, buffer: Vec::new(), most, number: 0, shown: 0 }
     }
 
     /// The next line and its number from 1; `None` at the end.
     pub(super) fn next(&mut self) -> Result<Option<(usize, &[u8])>, ModelError> {
+        self.reader.consume(std::mem::take(&mut self.shown));
+        match self.reader.fill_buf() {
+            Ok(available) => {
+                let window = &available[..available.len().min(self.most)];
+                if let Some(length) = memchr::memchr(b'\n', window) {
+                    self.number += 1;
+                    self.shown = length + 1;
+                    let line = &self.reader.fill_buf().map_err(ModelError::Io)?[..length];
+                    return Ok(Some((self.number, line.trim_ascii())));
+                }
+            }
+            Err(e) if e.kind() == ErrorKind::Interrupted => {}
+            Err(e) => return Err(ModelError::Io(e)),
+        }
+        self.next_copied()
+    }
+
+    fn next_copied(&mut self) -> Result<Option<(usize, &[u8])>, ModelError> {
         self.buffer.clear();
         let mut limited = (&mut self.reader).take(self.most as u64 + 1);
         let count = limited.read_until(b'\n', &mut self.buffer).map_err(ModelError::Io)?;
@@ -32,7 +52,8 @@ impl<R: BufRead> Lines<R> {
         Ok(Some((self.number, self.buffer.trim_ascii())))
     }
 
-    pub(super) fn into_inner(self) -> R {
+    pub(super) fn into_inner(mut self) -> R {
+        self.reader.consume(std::mem::take(&mut self.shown));
         self.reader
     }
 }
@@ -88,6 +109,11 @@ impl<R: BufRead> Tokens<R> {
 
 /// The number a value of text stands for.
 pub(super) fn number(format: &'static str, token: &str, line: usize) -> Result<f64, ModelError> {
+    if let Some((value, length)) = decimal::leading(token.as_bytes())
+        && length == token.len()
+    {
+        return Ok(value);
+    }
     let what = |e| format!("{} on data line {line} is not a number ({e})", shown(token.as_bytes()));
     token.parse().map_err(|e: std::num::ParseFloatError| ModelError::Data { format, what: what(e) })
 }

@@ -14,6 +14,8 @@ use crate::cloud::PointCloud;
 
 const FORMAT: &str = "PCD";
 const READING: &str = "reading the points";
+/// Bytes of rows that are read at once.
+const CHUNK_BYTES: usize = 1 << 16;
 
 /// Whether the first lines are a PCD header's.
 pub(super) fn looks_like(start: &[u8]) -> bool {
@@ -84,6 +86,22 @@ impl Rows {
         Ok(())
     }
 
+    /// Takes rows of which only the place is wanted, in single precision at these offsets.
+    fn take_places<'a>(
+        &mut self,
+        rows: impl Iterator<Item = &'a [u8]>,
+        offsets: [usize; 3],
+    ) -> Result<(), ModelError> {
+        for row in rows {
+            self.row += 1;
+            let point = offsets.map(|at| f32::from_bits(first_four(&row[at..])));
+            if !point.iter().any(|v| v.is_nan()) {
+                self.cloud.points.push(checked_point(point, self.row)?);
+            }
+        }
+        Ok(())
+    }
+
     fn finish(mut self) -> Result<PointCloud, ModelError> {
         if self.cloud.is_empty() {
             return Err(ModelError::Empty);
@@ -124,11 +142,26 @@ fn read_ascii(
 }
 
 fn read_binary(header: &Header, mut reader: impl Read, rows: &mut Rows) -> Result<(), ModelError> {
-    let mut row = vec![0; header.row_bytes];
-    for _ in 0..header.points {
-        reader.read_exact(&mut row).map_err(|e| ModelError::reading(e, READING))?;
-        let at = |field: usize| &row[header.fields[field].offset..];
-        rows.take(|field| header.fields[field].value(at(field)), |field| first_four(at(field)))?;
+    let most = (CHUNK_BYTES / header.row_bytes.max(1)).clamp(1, header.points.max(1));
+    let mut chunk = vec![0; most * header.row_bytes];
+    let singles = header.singles(rows.position);
+    let mut left = header.points;
+    while left > 0 {
+        let count = left.min(most);
+        let bytes = &mut chunk[..count * header.row_bytes];
+        reader.read_exact(bytes).map_err(|e| ModelError::reading(e, READING))?;
+        match singles {
+            Some(offsets) if rows.normal.is_none() && rows.color.is_none() => {
+                rows.take_places(bytes.chunks_exact(header.row_bytes), offsets)?;
+            }
+            _ => {
+                for row in bytes.chunks_exact(header.row_bytes) {
+                    let at = |field: usize| &row[header.fields[field].offset..];
+                    rows.take(|field| header.fields[field].value(at(field)), |field| first_four(at(field)))?;
+                }
+            }
+        }
+        left -= count;
     }
     Ok(())
 }

@@ -202,12 +202,8 @@ fn bound<S: Simd>(
 
 #[cold]
 fn sorted_bound(sq_dists: &mut [f32], count: usize, high: f32, index: impl Fn(usize) -> u32) -> f32 {
-    let mut near: Vec<(f32, u32, usize)> = sq_dists
-        .iter()
-        .enumerate()
-        .filter(|(_, d)| **d <= high)
-        .map(|(at, &d)| (d, index(at), at))
-        .collect();
+    let mut near: Vec<(f32, u32, usize)> =
+        sq_dists.iter().enumerate().filter(|(_, d)| **d <= high).map(|(at, &d)| (d, index(at), at)).collect();
     near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let bound = near[count - 1].0;
     for (_, _, at) in near[count..].iter().take_while(|(d, ..)| *d == bound) {
@@ -242,5 +238,5 @@ fn moments<S: Simd>(simd: S, block: &Block, sq_dists: &[f32], p: &[f32; 3], limi
             simd.mul_add_e_f32s(z, z, sums[8]),
         ];
     }
-    Moments::of_sums(*p, simd.reduce_sum_f32s(counts) as usize, sums.map(|sum| simd.reduce_sum_f32s(sum)))
+    Moments::of_sums(simd.reduce_sum_f32s(counts) as usize, sums.map(|sum| simd.reduce_sum_f32s(sum)))
 }

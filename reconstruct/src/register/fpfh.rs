@@ -4,11 +4,15 @@
 //! The weighted mean of the neighbours' histograms is brought to the same total as the point's own before both are added, so
 //! that neither depends on the unit of length. Any frame, metres.
 
-use nalgebra::Vector3;
+mod angles;
+mod leaf;
+
 use rayon::prelude::*;
 
 use crate::cloud::PointCloud;
-use crate::knn::{Neighbour, Tree};
+use crate::knn::Tree;
+use crate::simd::run;
+use leaf::{Chunk, Histogram, Simple, Task, Weighted};
 
 /// Bins an angle.
 const BINS: usize = 11;
@@ -16,109 +20,91 @@ const BINS: usize = 11;
 pub const LENGTH: usize = 3 * BINS;
 /// Total of each of the three histograms.
 const TOTAL: f32 = 100.0;
-/// Neighbours beyond this many are thinned evenly: dense clouds would cost much and tell nothing new.
-const MOST_NEIGHBOURS: usize = 128;
+/// Leaves a parallel task takes.
+const LEAVES: usize = 16;
+/// Where at least one point in so many is described, all points are looked at.
+const MOST: usize = 4;
 
 /// A descriptor; all zero where the surface could not be described.
 pub type Descriptor = [f32; LENGTH];
 
-/// Descriptors of the points named by `at`, over neighbours within `radius` metres.
+/// Descriptors of the points named by `at`, over neighbours within `radius` metres; `tree` is that of the cloud.
 ///
 /// All zero for points without a normal or without neighbours, or where the cloud has no normals at all.
 pub fn describe(cloud: &PointCloud, tree: &Tree, radius: f32, at: &[usize]) -> Vec<Descriptor> {
-    if !cloud.has_normals() {
+    if !cloud.has_normals() || radius.is_nan() || radius <= 0.0 {
         return vec![[0.0; LENGTH]; at.len()];
     }
-    let around = |i: usize| neighbours(cloud, tree, radius, i);
-    let own: Vec<Vec<Neighbour>> = at.par_iter().with_min_len(64).map(|i| around(*i)).collect();
-    let mut wanted = vec![false; cloud.len()];
-    for i in own.iter().flatten().map(|n| n.index).chain(at.iter().copied()) {
-        wanted[i] = true;
+    let mut slot_of = vec![None; cloud.len()];
+    for (slot, &index) in tree.indices().iter().enumerate() {
+        slot_of[index as usize] = Some(slot);
     }
-    let mut lists: Vec<Option<&Vec<Neighbour>>> = vec![None; cloud.len()];
-    for (i, list) in at.iter().zip(&own) {
-        lists[*i] = Some(list);
+    let mut described = vec![false; tree.len()];
+    for slot in at.iter().filter_map(|&i| slot_of[i]) {
+        described[slot] = true;
     }
-    let simple: Vec<Option<Descriptor>> = (0..cloud.len())
-        .into_par_iter()
-        .with_min_len(64)
-        .map(|i| {
-            wanted[i].then(|| match lists[i] {
-                Some(list) => simplified(cloud, i, list),
-                None => simplified(cloud, i, &around(i)),
+    let normals = std::array::from_fn(|k| {
+        tree.indices().iter().map(|&index| cloud.normals[index as usize][k]).collect()
+    });
+    let leaves = tree.leaves();
+    let context = Context { tree, normals: &normals, radius };
+    let wanted = context.wanted(&leaves, &described, at.len());
+    let simple: Vec<Histogram> = context.each(&leaves, &wanted, Simple);
+    let weighted = context.each(&leaves, &described, Weighted(&simple));
+    at.iter().map(|&i| slot_of[i].map_or([0.0; LENGTH], |slot| descriptor(&weighted[slot]))).collect()
+}
+
+/// Without the padding.
+fn descriptor(row: &Histogram) -> Descriptor {
+    std::array::from_fn(|k| row[k])
+}
+
+/// What all tasks look at.
+#[derive(Clone, Copy)]
+struct Context<'a> {
+    tree: &'a Tree,
+    /// Normals in the order of the tree.
+    normals: &'a [Vec<f32>; 3],
+    radius: f32,
+}
+
+impl Context<'_> {
+    /// Those to be described and all their neighbours.
+    fn wanted(&self, leaves: &[std::ops::Range<usize>], described: &[bool], count: usize) -> Vec<bool> {
+        if count * MOST >= described.len() {
+            return vec![true; described.len()];
+        }
+        let mut wanted = described.to_vec();
+        let neighbours: Vec<Vec<u32>> = leaves
+            .par_chunks(LEAVES)
+            .map(|leaves| {
+                let mut found = Vec::new();
+                let slots = leaves.iter().cloned().flatten().filter(|&slot| described[slot]);
+                for slot in slots {
+                    let near = self.tree.within_radius_unsorted(&self.tree.point(slot), self.radius);
+                    found.extend(near.iter().map(|n| n.index as u32));
+                }
+                found
             })
-        })
-        .collect();
-    at.par_iter().zip(&own).with_min_len(64).map(|(i, list)| weighted(*i, list, &simple)).collect()
-}
-
-fn neighbours(cloud: &PointCloud, tree: &Tree, radius: f32, i: usize) -> Vec<Neighbour> {
-    let mut found = tree.within_radius_unsorted(&cloud.points[i], radius);
-    found.retain(|n| n.sq_dist > 0.0 && cloud.normals[n.index] != [0.0; 3]);
-    if found.len() > MOST_NEIGHBOURS {
-        let all = found.len();
-        found = (0..MOST_NEIGHBOURS).map(|k| found[k * all / MOST_NEIGHBOURS]).collect();
-    }
-    found
-}
-
-/// SPFH: the histograms of the pairs with the point itself.
-fn simplified(cloud: &PointCloud, i: usize, list: &[Neighbour]) -> Descriptor {
-    let mut histogram = [0.0f32; LENGTH];
-    if list.is_empty() || cloud.normals[i] == [0.0; 3] {
-        return histogram;
-    }
-    let share = TOTAL / list.len() as f32;
-    for other in list {
-        let Some(angles) = pair_angles(cloud, i, other.index) else { continue };
-        for (k, angle) in angles.iter().enumerate() {
-            let bin = (angle * BINS as f32).clamp(0.0, BINS as f32 - 1.0) as usize;
-            histogram[k * BINS + bin] += share;
+            .collect();
+        let mut near = vec![false; described.len()];
+        for index in neighbours.into_iter().flatten() {
+            near[index as usize] = true;
         }
-    }
-    histogram
-}
-
-/// The three angles of Rusu's Darboux frame, each scaled to 0..1: `α = v·n_t`, `φ = u·(p_t - p_s)/d`,
-/// `θ = atan2(w·n_t, u·n_t)` (their eq. 1–2).
-fn pair_angles(cloud: &PointCloud, i: usize, j: usize) -> Option<[f32; 3]> {
-    let (p, q) = (Vector3::from(cloud.points[i]), Vector3::from(cloud.points[j]));
-    let (n, m) = (Vector3::from(cloud.normals[i]), Vector3::from(cloud.normals[j]));
-    let line = q - p;
-    let distance = line.norm();
-    // The frame stands where the normal is closer to the connecting line.
-    let (u, other, line) =
-        if n.dot(&line).abs() >= m.dot(&line).abs() { (n, m, line) } else { (m, n, -line) };
-    let direction = line / distance;
-    let v = direction.cross(&u).try_normalize(1e-6)?;
-    let w = u.cross(&v);
-    let alpha = v.dot(&other);
-    let phi = u.dot(&direction);
-    let theta = w.dot(&other).atan2(u.dot(&other));
-    Some([(alpha + 1.0) * 0.5, (phi + 1.0) * 0.5, theta / std::f32::consts::TAU + 0.5])
-}
-
-/// FPFH: own histogram plus the mean of the neighbours', weighted by inverse squared distance.
-fn weighted(i: usize, list: &[Neighbour], simple: &[Option<Descriptor>]) -> Descriptor {
-    let mut sum = [0.0f32; LENGTH];
-    for other in list {
-        let Some(histogram) = &simple[other.index] else { continue };
-        let weight = 1.0 / other.sq_dist;
-        for (total, value) in sum.iter_mut().zip(histogram) {
-            *total += weight * value;
+        for (wanted, &index) in wanted.iter_mut().zip(self.tree.indices()) {
+            *wanted |= near.get(index as usize).copied().unwrap_or(true);
         }
+        wanted
     }
-    let own = simple[i].unwrap_or([0.0; LENGTH]);
-    let mut result = [0.0f32; LENGTH];
-    for angle in 0..3 {
-        let bins = angle * BINS..(angle + 1) * BINS;
-        let total: f32 = sum[bins.clone()].iter().sum();
-        let scale = if total > 0.0 && total.is_finite() { TOTAL / total } else { 0.0 };
-        for k in bins {
-            result[k] = own[k] + sum[k] * scale;
-        }
+
+    /// A row for every point in the order of the tree; zero where none is wanted.
+    fn each<T: Task>(self, leaves: &[std::ops::Range<usize>], wanted: &[bool], task: T) -> Vec<Histogram> {
+        let chunks: Vec<Vec<Histogram>> = leaves
+            .par_chunks(LEAVES)
+            .map(|leaves| run(Chunk { context: self, leaves, wanted, task }))
+            .collect();
+        chunks.into_iter().flatten().collect()
     }
-    result
 }
 
 #[cfg(test)]
@@ -192,5 +178,28 @@ mod tests {
         assert_eq!(describe(&cloud, &Tree::new(&cloud.points), 0.1, &[0, 1]), vec![[0.0; LENGTH]; 2]);
         let cloud = PointCloud { normals: vec![[0.0, 0.0, 1.0]; 2], ..cloud };
         assert_eq!(describe(&cloud, &Tree::new(&cloud.points), 0.1, &[0]), vec![[0.0; LENGTH]]);
+    }
+
+    #[test]
+    fn both_paths_agree_and_so_does_any_number_of_threads() {
+        let cloud = bumpy();
+        let tree = Tree::new(&cloud.points);
+        let normals = std::array::from_fn(|k| {
+            tree.indices().iter().map(|&index| cloud.normals[index as usize][k]).collect()
+        });
+        let (leaves, wanted) = (tree.leaves(), vec![true; tree.len()]);
+        let context = Context { tree: &tree, normals: &normals, radius: 0.025 };
+        let chunk = || Chunk { context, leaves: &leaves, wanted: &wanted, task: Simple };
+        let (detected, portable) = (run(chunk()), pulp::WithSimd::with_simd(chunk(), pulp::Scalar));
+        // Rounding moves a few angles to the next bin.
+        let differences =
+            detected.iter().flatten().zip(portable.iter().flatten()).map(|(a, b)| (a - b).abs());
+        assert!(differences.sum::<f32>() < 1e-3 * 3.0 * TOTAL * detected.len() as f32);
+        let all: Vec<usize> = (0..cloud.len()).collect();
+        let on = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| describe(&cloud, &tree, 0.025, &all))
+        };
+        assert!(on(1) == on(3));
     }
 }

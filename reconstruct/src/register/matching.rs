@@ -1,14 +1,19 @@
 //! Nearest descriptors (source slide 24), by comparing all with all: in 33 dimensions a k-d tree visits nearly every leaf
 //! anyway, and this way both directions come out of one pass. Descriptors of any length, so that colour can be added.
+//!
+//! `|a - b|²` is compared as `|b|² - 2ab`, a register of columns against a few rows at once; all are first moved by the
+//! targets' mean, so that little cancels. Equal distances go to the lower index.
+
+mod sweep;
 
 use rayon::prelude::*;
 
 use super::ransac::Match;
+use crate::simd::run;
+use sweep::{Columns, Nearest, Sweep};
 
-/// Lanes summed side by side; the compiler turns them into vector registers.
-const LANES: usize = 4;
 /// Rows a parallel task compares; fixed.
-const ROWS: usize = 128;
+const ROWS: usize = 256;
 
 /// Which pairs are matches.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,70 +30,50 @@ impl Default for MatchConfig {
     }
 }
 
-#[derive(Clone, Copy)]
-struct Best {
-    index: usize,
-    distance: f32,
-    second: f32,
-}
-
-const NOTHING: Best = Best { index: usize::MAX, distance: f32::INFINITY, second: f32::INFINITY };
-
-impl Best {
-    fn offer(&mut self, index: usize, distance: f32) {
-        if distance < self.distance {
-            *self = Self { index, distance, second: self.distance };
-        } else if distance < self.second {
-            self.second = distance;
-        }
-    }
-}
-
-/// The nearest column of each row of a chunk, and the nearest row of that chunk (with its distance) of each column.
-type Part = (Vec<Best>, Vec<(usize, f32)>);
-
 /// Matches `[source, target]` in the order of the source; descriptors that are all zero match nothing.
 pub fn match_descriptors<const N: usize>(
     source: &[[f32; N]],
     target: &[[f32; N]],
     config: MatchConfig,
 ) -> Vec<Match> {
-    let (rows, row_ids) = usable(source);
-    let (columns, column_ids) = usable(target);
-    let parts: Vec<Part> = rows
+    let (mut rows, row_ids) = usable(source);
+    let (mut columns, column_ids) = usable(target);
+    if columns.is_empty() {
+        return Vec::new();
+    }
+    let mean = mean_of(&columns);
+    for descriptor in rows.iter_mut().chain(&mut columns) {
+        for (value, mean) in descriptor.iter_mut().zip(&mean) {
+            *value -= mean;
+        }
+    }
+    let columns = run(Columns(&columns));
+    let parts: Vec<Nearest> = rows
         .par_chunks(ROWS)
         .enumerate()
-        .map(|(chunk, rows)| {
-            let mut by_row = vec![NOTHING; rows.len()];
-            let mut by_column = vec![(usize::MAX, f32::INFINITY); columns.len()];
-            for (j, column) in columns.iter().enumerate() {
-                for (i, row) in rows.iter().enumerate() {
-                    let distance = sq_distance(row, column);
-                    by_row[i].offer(j, distance);
-                    if distance < by_column[j].1 {
-                        by_column[j] = (chunk * ROWS + i, distance);
-                    }
-                }
-            }
-            (by_row, by_column)
-        })
+        .map(|(chunk, rows)| run(Sweep { rows, first: chunk * ROWS, columns: &columns }))
         .collect();
-    let mut nearest_row = vec![(usize::MAX, f32::INFINITY); columns.len()];
-    for (_, by_column) in &parts {
-        for (best, new) in nearest_row.iter_mut().zip(by_column) {
-            if new.1 < best.1 {
+    let nearest_row = nearest_rows(&parts, column_ids.len());
+    let by_row = parts.iter().flat_map(|part| &part.by_row);
+    by_row
+        .enumerate()
+        .filter(|(i, best)| !config.mutual || nearest_row[best.index] == *i)
+        .filter(|(_, best)| config.ratio.is_none_or(|r| best.distance <= r * r * best.second))
+        .map(|(i, best)| [row_ids[i], column_ids[best.index]])
+        .collect()
+}
+
+/// The nearest row of every column, over all parts.
+fn nearest_rows(parts: &[Nearest], columns: usize) -> Vec<usize> {
+    let mut nearest = vec![(f32::INFINITY, usize::MAX); columns];
+    for part in parts {
+        for (best, new) in nearest.iter_mut().zip(&part.by_column) {
+            if new.0 < best.0 {
                 *best = *new;
             }
         }
     }
-    let by_row = parts.iter().flat_map(|(by_row, _)| by_row);
-    by_row
-        .enumerate()
-        .filter(|(_, best)| best.index != usize::MAX)
-        .filter(|(i, best)| !config.mutual || nearest_row[best.index].0 == *i)
-        .filter(|(_, best)| config.ratio.is_none_or(|r| best.distance <= r * r * best.second))
-        .map(|(i, best)| [row_ids[i], column_ids[best.index]])
-        .collect()
+    nearest.into_iter().map(|(_, row)| row).collect()
 }
 
 fn usable<const N: usize>(descriptors: &[[f32; N]]) -> (Vec<[f32; N]>, Vec<usize>) {
@@ -100,16 +85,14 @@ fn usable<const N: usize>(descriptors: &[[f32; N]]) -> (Vec<[f32; N]>, Vec<usize
         .unzip()
 }
 
-fn sq_distance<const N: usize>(a: &[f32; N], b: &[f32; N]) -> f32 {
-    let mut sums = [0.0f32; LANES];
-    for k in (0..N / LANES * LANES).step_by(LANES) {
-        for lane in 0..LANES {
-            let d = a[k + lane] - b[k + lane];
-            sums[lane] += d * d;
+fn mean_of<const N: usize>(descriptors: &[[f32; N]]) -> [f32; N] {
+    let mut sum = [0.0f64; N];
+    for descriptor in descriptors {
+        for (sum, value) in sum.iter_mut().zip(descriptor) {
+            *sum += f64::from(*value);
         }
     }
-    let rest: f32 = (N / LANES * LANES..N).map(|k| (a[k] - b[k]).powi(2)).sum();
-    (sums[0] + sums[2]) + (sums[1] + sums[3]) + rest
+    sum.map(|v| (v / descriptors.len() as f64) as f32)
 }
 
 #[cfg(test)]
@@ -162,5 +145,23 @@ mod tests {
         let matches = match_descriptors(&source, &random(5, 2), MatchConfig { mutual: false, ratio: None });
         assert_eq!(matches.len(), 1);
         assert!(match_descriptors::<LENGTH>(&[], &source, MatchConfig::default()).is_empty());
+    }
+
+    #[test]
+    fn both_paths_agree() {
+        let (rows, columns) = (random(131, 3), random(77, 4));
+        let detected = run(Sweep { rows: &rows, first: 5, columns: &run(Columns(&columns)) });
+        let table = pulp::WithSimd::with_simd(Columns(&columns), pulp::Scalar);
+        let sweep = Sweep { rows: &rows, first: 5, columns: &table };
+        let portable = pulp::WithSimd::with_simd(sweep, pulp::Scalar);
+        for (a, b) in detected.by_row.iter().zip(&portable.by_row) {
+            assert_eq!(a.index, b.index);
+            assert!(
+                (a.distance - b.distance).abs() < 1e-4 * b.distance
+                    && (a.second - b.second).abs() < 1e-4 * b.second
+            );
+        }
+        let rows_of = |part: &Nearest| part.by_column.iter().map(|(_, row)| *row).collect::<Vec<_>>();
+        assert_eq!(rows_of(&detected), rows_of(&portable));
     }
 }

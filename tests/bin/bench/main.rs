@@ -5,24 +5,29 @@
 
 mod clock;
 mod features;
+mod figure;
 mod inputs;
 mod load;
 mod nearest;
 mod normals;
 mod reference;
+mod report;
+mod rows;
 mod tags;
 mod voxel;
 
 use std::path::PathBuf;
 
 use anyhow::Context;
-use clap::Parser;
+use clap::{Parser, Subcommand};
 
 use clock::Bench;
 
 /// Times stages on the inputs of the comparison
 #[derive(Debug, Parser)]
 struct Args {
+    #[command(subcommand)]
+    order: Option<Order>,
     /// Folder with the inputs
     #[arg(long, default_value = "target/compare/data", value_name = "DIR")]
     data: PathBuf,
@@ -37,10 +42,19 @@ struct Args {
     only: Option<String>,
 }
 
+#[derive(Debug, Subcommand)]
+enum Order {
+    Report(report::ReportArgs),
+}
+
 fn main() -> anyhow::Result<()> {
     let args = Args::parse();
+    if let Some(Order::Report(report)) = &args.order {
+        return report::run(report);
+    }
     anyhow::ensure!(args.data.is_dir(), "{} is no folder: run `make bench`", args.data.display());
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build().context("starting threads")?;
+    let pool =
+        rayon::ThreadPoolBuilder::new().num_threads(args.threads).build().context("starting threads")?;
     let bench = Bench::new(args.data, args.threads, args.reps, args.only);
     pool.install(|| run(&bench))
 }

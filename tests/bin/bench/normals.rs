@@ -16,9 +16,7 @@ const WINDOW_RADIUS: usize = 5;
 pub(crate) fn run(bench: &Bench) -> anyhow::Result<()> {
     for name in CLOUDS {
         let points = downsample(&cloud(&bench.data.join(name))?, 0.002)?.cloud.points;
-        for (label, around) in
-            [("k30", Neighbourhood::Nearest(30)), ("r10mm", Neighbourhood::Radius(0.01))]
-        {
+        for (label, around) in [("k30", Neighbourhood::Nearest(30)), ("r10mm", Neighbourhood::Radius(0.01))] {
             bench.stage(
                 &format!("normals {label} (2mm) {name}"),
                 || estimate(&points, &Tree::new(&points), around, &[0.0; 3]),

@@ -24,8 +24,7 @@ pub(crate) fn sq_dist(a: &[f32; 3], b: &[f32; 3]) -> f32 {
 
 /// The k nearest by comparing with every point: index and squared distance, nearest first, ties by index.
 pub(crate) fn nearest(points: &[[f32; 3]], query: &[f32; 3], k: usize) -> Vec<(usize, f32)> {
-    let mut all: Vec<(usize, f32)> =
-        points.iter().enumerate().map(|(i, p)| (i, sq_dist(p, query))).collect();
+    let mut all: Vec<(usize, f32)> = points.iter().enumerate().map(|(i, p)| (i, sq_dist(p, query))).collect();
     let order = |a: &(usize, f32), b: &(usize, f32)| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0));
     let k = k.min(all.len());
     if k > 0 && k < all.len() {

@@ -69,6 +69,14 @@ pub(super) struct Header {
     pub(super) encoding: Encoding,
 }
 
+impl Header {
+    /// Where these fields' first values lie in a row, where all are single precision.
+    pub(super) fn singles(&self, fields: [usize; 3]) -> Option<[usize; 3]> {
+        let single = |i: usize| self.fields[i].number == Number::Float && self.fields[i].size == 4;
+        fields.iter().all(|&i| single(i)).then(|| fields.map(|i| self.fields[i].offset))
+    }
+}
+
 #[derive(Default)]
 struct Said {
     names: Vec<String>,

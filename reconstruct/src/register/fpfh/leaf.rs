@@ -1,0 +1,164 @@
+//! A leaf of the tree at a time: its points share one block of candidates.
+
+use std::ops::Range;
+
+use pulp::{Simd, WithSimd};
+
+use super::angles::{Oriented, SPARE_BIN, bins};
+use super::{BINS, Context, LENGTH, TOTAL};
+use crate::knn::Block;
+
+/// A descriptor padded to whole registers.
+pub(super) type Histogram = [f32; PADDED];
+/// Length with the padding; what stands there is never read.
+pub(super) const PADDED: usize = 40;
+
+/// What is done for every point.
+pub(super) trait Task: Copy + Send + Sync {
+    fn row<S: Simd>(self, simd: S, around: &mut Around, slot: usize) -> Histogram;
+}
+
+/// SPFH: the histograms of the pairs with the point itself.
+#[derive(Clone, Copy)]
+pub(super) struct Simple;
+
+/// FPFH: own histogram plus the mean of the neighbours', weighted by inverse squared distance.
+#[derive(Clone, Copy)]
+pub(super) struct Weighted<'a>(pub(super) &'a [Histogram]);
+
+/// The points of some leaves.
+pub(super) struct Chunk<'a, T> {
+    pub(super) context: Context<'a>,
+    pub(super) leaves: &'a [Range<usize>],
+    pub(super) wanted: &'a [bool],
+    pub(super) task: T,
+}
+
+impl<T: Task> WithSimd for Chunk<'_, T> {
+    type Output = Vec<Histogram>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
+        let mut rows = Vec::with_capacity(self.leaves.iter().map(ExactSizeIterator::len).sum());
+        let mut around = Around::default();
+        let Context { tree, normals, radius } = self.context;
+        for leaf in self.leaves {
+            let slots: Vec<u32> =
+                leaf.clone().filter(|&slot| self.wanted[slot]).map(|slot| slot as u32).collect();
+            if !slots.is_empty() {
+                tree.gather(&slots, radius, &mut around.block);
+                around.take_normals(normals);
+            }
+            for slot in leaf.clone() {
+                let mut row = [0.0; PADDED];
+                if self.wanted[slot] {
+                    around.point = Oriented {
+                        place: tree.point(slot),
+                        normal: normals.each_ref().map(|axis| axis[slot]),
+                    };
+                    around.find((radius * radius).min(f32::MAX));
+                    row = self.task.row(simd, &mut around, slot);
+                }
+                rows.push(row);
+            }
+        }
+        rows
+    }
+}
+
+/// A point and the candidates around it.
+#[derive(Default)]
+pub(super) struct Around {
+    pub(super) block: Block,
+    pub(super) normals: [Vec<f32>; 3],
+    pub(super) point: Oriented,
+    /// Squared distances of the candidates.
+    sq_dists: Vec<f32>,
+    /// Candidates that are neighbours.
+    near: Vec<u32>,
+    /// Bins of the three angles of every candidate.
+    pub(super) bins: [Vec<u32>; 3],
+}
+
+impl Around {
+    #[inline(always)]
+    fn take_normals(&mut self, normals: &[Vec<f32>; 3]) {
+        for (taken, all) in self.normals.iter_mut().zip(normals) {
+            taken.clear();
+            taken.extend(self.block.slots.iter().map(|&slot| all[slot as usize]));
+            taken.resize(self.block.axes[0].len(), 0.0);
+        }
+    }
+
+    /// Finds the neighbours: other places within the radius that have a normal.
+    #[inline(always)]
+    fn find(&mut self, limit: f32) {
+        let [px, py, pz] = self.point.place;
+        let [xs, ys, zs] = &self.block.axes;
+        let count = xs.len();
+        self.sq_dists.resize(count, 0.0);
+        for (((d, x), y), z) in self.sq_dists.iter_mut().zip(xs).zip(ys).zip(zs) {
+            let (x, y, z) = (x - px, y - py, z - pz);
+            *d = x * x + y * y + z * z;
+        }
+        let [nx, ny, nz] = &self.normals;
+        self.near.clear();
+        self.near.resize(count, 0);
+        let mut found = 0;
+        for i in 0..count {
+            let d = self.sq_dists[i];
+            let oriented = (nx[i] != 0.0) | (ny[i] != 0.0) | (nz[i] != 0.0);
+            self.near[found] = i as u32;
+            found += usize::from((d > 0.0) & (d <= limit) & oriented);
+        }
+        self.near.truncate(found);
+    }
+}
+
+impl Task for Simple {
+    #[inline(always)]
+    fn row<S: Simd>(self, simd: S, around: &mut Around, _: usize) -> Histogram {
+        let mut row = [0.0; PADDED];
+        if around.near.is_empty() || around.point.normal == [0.0; 3] {
+            return row;
+        }
+        bins(simd, around);
+        // Two sets of counters: the same bin twice in a row would wait for itself.
+        let mut counts = [[0u32; 64]; 2];
+        for (i, &near) in around.near.iter().enumerate() {
+            for bins in &around.bins {
+                counts[i % 2][bins[near as usize] as usize % 64] += 1;
+            }
+        }
+        let share = TOTAL / around.near.len() as f32;
+        for bin in 0..SPARE_BIN as usize {
+            row[bin] = (counts[0][bin] + counts[1][bin]) as f32 * share;
+        }
+        row
+    }
+}
+
+impl Task for Weighted<'_> {
+    #[inline(always)]
+    fn row<S: Simd>(self, _: S, around: &mut Around, slot: usize) -> Histogram {
+        let mut sums = [[0.0f32; PADDED]; 2];
+        for (i, &near) in around.near.iter().enumerate() {
+            let weight = 1.0 / around.sq_dists[near as usize];
+            let histogram = &self.0[around.block.slots[near as usize] as usize];
+            for (sum, value) in sums[i % 2].iter_mut().zip(histogram) {
+                *sum += weight * value;
+            }
+        }
+        let sum: Histogram = std::array::from_fn(|k| sums[0][k] + sums[1][k]);
+        let own = &self.0[slot];
+        let mut row = [0.0; PADDED];
+        for bins in (0..LENGTH).step_by(BINS).map(|first| first..first + BINS) {
+            let total: f32 = sum[bins.clone()].iter().sum();
+            let scale = if total > 0.0 && total.is_finite() { TOTAL / total } else { 0.0 };
+            for k in bins {
+                row[k] = own[k] + sum[k] * scale;
+            }
+        }
+        row
+    }
+}

@@ -1,0 +1,73 @@
+//! The CSV lines of all programs of the comparison.
+
+use std::path::Path;
+
+use anyhow::Context;
+
+/// One measured stage of one program.
+#[derive(Debug, Clone)]
+pub(crate) struct Row {
+    pub(crate) peer: String,
+    pub(crate) stage: String,
+    pub(crate) threads: usize,
+    pub(crate) wall_ms: f64,
+    pub(crate) wall_min_ms: f64,
+    pub(crate) cpu_ms: f64,
+    /// What else is known: numbers of points, quality.
+    pub(crate) extra: String,
+}
+
+impl Row {
+    /// `peer,stage,threads,n,wall_median_ms,wall_min,wall_max,cpu_median_ms,peak_rss_mb,extra`; `None` for other lines.
+    fn parse(line: &str) -> Option<Self> {
+        let mut fields = line.splitn(10, ',');
+        let mut text = || fields.next().map(str::trim);
+        let (peer, stage, threads, _) = (text()?, text()?, text()?, text()?);
+        let (wall, low, _, cpu, _) = (text()?, text()?, text()?, text()?, text()?);
+        Some(Self {
+            peer: peer.to_owned(),
+            stage: stage.to_owned(),
+            threads: threads.parse().ok()?,
+            wall_ms: wall.parse().ok()?,
+            wall_min_ms: low.parse().ok()?,
+            cpu_ms: cpu.parse().ok()?,
+            extra: text().unwrap_or_default().to_owned(),
+        })
+    }
+
+    pub(crate) fn is_ours(&self) -> bool {
+        self.peer.starts_with("allround")
+    }
+
+    /// A value of the last column, `name=value`.
+    pub(crate) fn said(&self, name: &str) -> Option<&str> {
+        self.extra.split_whitespace().find_map(|word| word.strip_prefix(name)?.strip_prefix('='))
+    }
+}
+
+/// All lines of some files that are rows.
+pub(crate) fn read(files: &[impl AsRef<Path>]) -> anyhow::Result<Vec<Row>> {
+    let mut rows = Vec::new();
+    for file in files {
+        let file = file.as_ref();
+        let text = std::fs::read_to_string(file).with_context(|| file.display().to_string())?;
+        rows.extend(text.lines().filter(|line| !line.starts_with('#')).filter_map(Row::parse));
+    }
+    Ok(rows)
+}
+
+/// Whether a peer's stage does what ours does on the same input.
+pub(crate) fn is_same(ours: &str, peers: &str) -> bool {
+    let tags = |family: &str| ours == format!("{family} detect") && peers.starts_with(family);
+    // Some peers know text by the name .xyz alone; the file is a copy. Others find neighbours within both bounds at once.
+    let text = |name: &str| name.replace(".xyz", ".asc");
+    let hybrid = |name: &str| {
+        name.replace("normals hybrid r10mm/30", "normals r10mm")
+            .replace("fpfh hybrid r25mm/100", "fpfh r25mm")
+    };
+    ours == peers
+        || text(ours) == text(peers)
+        || ours == hybrid(peers)
+        || tags("ARUCO 4x4_50")
+        || tags("AprilTag 36h11")
+}

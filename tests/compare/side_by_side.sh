@@ -1,0 +1,21 @@
+#!/usr/bin/env bash
+# Measures the peers and our stages in one run on the same inputs, one thread each, and writes docs/benchmarks.md.
+# Usage: side_by_side.sh [quick|all]   (the peers' stages; needs the shared folder's compare/run.sh, and the network once)
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+peers=${SCAN_SHARED_DIR:-../shared}/compare
+work=$PWD/target/compare
+export COMPARE_DATA=$work/data OMP_NUM_THREADS=1
+[ -x "$peers/run.sh" ] || { echo "$peers/run.sh is absent: set SCAN_SHARED_DIR to the shared folder" >&2; exit 1; }
+[ -x "$work/cpp/knn" ] && [ -d "$COMPARE_DATA/pairs" ] || "$peers/run.sh" prepare
+python=$work/venv/bin/python
+"$python" -c 'import kiss_matcher' 2>/dev/null || "$work/venv/bin/pip" install -q kiss-matcher
+[ -d "$COMPARE_DATA/tags" ] || "$python" tests/compare/tags.py "$work/py/aruco.py" "$COMPARE_DATA/tags"
+cargo build --release --locked -p tests --bin bench
+bench=target/release/bench
+taskset -c 0 $bench | tee "$work/ours.csv"
+$bench --threads 2 | tee "$work/ours-2.csv"
+"$peers/run.sh" "${1:-quick}" | tee "$work/peers.csv"
+(cd "$work" && taskset -c 0 ./cpp/knn 1) | tee -a "$work/peers.csv"
+taskset -c 0 "$python" tests/compare/features.py | tee -a "$work/peers.csv"
+$bench report "$work/ours.csv" "$work/ours-2.csv" "$work/peers.csv" --out docs --date "$(date +%F)"
