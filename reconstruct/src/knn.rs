@@ -7,9 +7,12 @@
 //! Points with a coordinate that is not finite are never found; indices stay those of the slice given to [`Tree::new`].
 
 mod block;
+mod bound;
 mod build;
+mod each;
 
 pub(crate) use block::Block;
+pub(crate) use bound::{bound, distances, larger_reach};
 
 use std::collections::BinaryHeap;
 

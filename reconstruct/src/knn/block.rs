@@ -31,9 +31,18 @@ impl Tree {
 
     /// Fills a block with the points in the box around some places, widened by `reach` metres on every side.
     pub(crate) fn gather(&self, slots: &[u32], reach: f32, block: &mut Block) {
+        self.gather_around(slots.iter().map(|&slot| self.at(slot as usize)), reach, block);
+    }
+
+    /// The same around places that need not be points of the tree.
+    pub(crate) fn gather_around(
+        &self,
+        places: impl Iterator<Item = [f32; 3]>,
+        reach: f32,
+        block: &mut Block,
+    ) {
         let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-        for &slot in slots {
-            let p = self.at(slot as usize);
+        for p in places {
             for k in 0..3 {
                 low[k] = low[k].min(p[k]);
                 high[k] = high[k].max(p[k]);

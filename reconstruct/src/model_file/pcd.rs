@@ -9,11 +9,13 @@ use std::io::{BufRead, Read, Write};
 use header::{Encoding, Field, Header, Number};
 
 use super::lines::{Tokens, number};
-use super::{Limits, ModelError, checked_point, lzf, unit_normals};
+use super::{Limits, MAX_COORDINATE_METRES, ModelError, checked_point, lzf, unit_normals};
 use crate::cloud::PointCloud;
 
 const FORMAT: &str = "PCD";
 const READING: &str = "reading the points";
+/// Bytes of a row that is nothing but a place.
+const PLACE_BYTES: usize = 12;
 /// Bytes of rows that are read at once.
 const CHUNK_BYTES: usize = 1 << 16;
 
@@ -86,6 +88,24 @@ impl Rows {
         Ok(())
     }
 
+    /// Takes rows that are nothing but a place, if all are good ones; says whether it did.
+    fn take_all(&mut self, rows: &[u8]) -> bool {
+        let before = self.cloud.len();
+        let rows = rows.as_chunks::<PLACE_BYTES>().0;
+        self.cloud.points.extend(rows.iter().map(|row| {
+            let single = |k: usize| f32::from_le_bytes([row[k], row[k + 1], row[k + 2], row[k + 3]]);
+            [single(0), single(4), single(8)]
+        }));
+        let values = self.cloud.points[before..].as_flattened();
+        let odd = values.iter().filter(|v| !(v.abs() <= MAX_COORDINATE_METRES)).count();
+        if odd > 0 {
+            self.cloud.points.truncate(before);
+            return false;
+        }
+        self.row += rows.len();
+        true
+    }
+
     /// Takes rows of which only the place is wanted, in single precision at these offsets.
     fn take_places<'a>(
         &mut self,
@@ -151,6 +171,7 @@ fn read_binary(header: &Header, mut reader: impl Read, rows: &mut Rows) -> Resul
         let bytes = &mut chunk[..count * header.row_bytes];
         reader.read_exact(bytes).map_err(|e| ModelError::reading(e, READING))?;
         match singles {
+            Some([0, 4, 8]) if header.row_bytes == PLACE_BYTES && rows.take_all(bytes) => {}
             Some(offsets) if rows.normal.is_none() && rows.color.is_none() => {
                 rows.take_places(bytes.chunks_exact(header.row_bytes), offsets)?;
             }

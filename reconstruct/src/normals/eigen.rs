@@ -24,10 +24,11 @@ pub(super) fn least_directions<S: Simd>(simd: S, covariance: [S::f32s; 6]) -> Di
     let trace = simd.add_f32s(covariance[0], simd.add_f32s(covariance[3], covariance[5]));
     let some = simd.greater_than_f32s(trace, simd.splat_f32s(1e-18));
     let per_trace = simd.div_f32s(one, simd.select_f32s(some, trace, one));
-    let [xx, xy, xz, yy, yz, zz] = covariance.map(
-        #[inline(always)]
-        |v| simd.mul_f32s(v, per_trace),
-    );
+    let mut scaled = covariance;
+    for v in &mut scaled {
+        *v = simd.mul_f32s(*v, per_trace);
+    }
+    let [xx, xy, xz, yy, yz, zz] = scaled;
     // λ³ - λ² + c1 λ - c0, trace 1.
     let c1 = simd
         .add_f32s(minor(simd, xx, yy, xy), simd.add_f32s(minor(simd, xx, zz, xz), minor(simd, yy, zz, yz)));
@@ -67,10 +68,11 @@ pub(super) fn least_directions<S: Simd>(simd: S, covariance: [S::f32s; 6]) -> Di
     let length = simd.sqrt_f32s(square);
     let long = simd.greater_than_f32s(length, simd.splat_f32s(LEAST));
     let per_length = simd.div_f32s(one, simd.select_f32s(long, length, one));
-    let normal = [0, 1, 2].map(
-        #[inline(always)]
-        |k: usize| simd.mul_f32s(column[k], per_length),
-    );
+    let normal = [
+        simd.mul_f32s(column[0], per_length),
+        simd.mul_f32s(column[1], per_length),
+        simd.mul_f32s(column[2], per_length),
+    ];
     Directions { normal, share: simd.max_f32s(least, zero), valid: simd.and_m32s(some, long) }
 }
 

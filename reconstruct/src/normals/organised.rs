@@ -1,5 +1,5 @@
 //! Normals of an organised depth map: sums along each row first, then of the rows of each column, both only over what does
-//! not jump; so a window costs its side, not its area. Bands of rows are independent, whole registers of pixels go at once.
+//! not jump; so a whole window costs its side, not its area. Bands of rows are independent, whole registers of pixels go at once.
 
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
@@ -108,29 +108,16 @@ fn sum_row<S: Simd>(
     {
         (*x, *y, *z) = (p[0], p[1], p[2]);
     }
-    let (zero, one) = (simd.splat_f32s(0.0), simd.splat_f32s(1.0));
+    let zero = simd.splat_f32s(0.0);
     for u in (0..stride - 2 * radius).step_by(S::F32_LANES) {
         let [cx, cy, cz] = [load::<S>(xs, u + radius), load::<S>(ys, u + radius), load::<S>(zs, u + radius)];
         let limit = limit_of(simd, jump, cz);
         let mut total = [zero; 10];
         for at in u..=u + 2 * radius {
+            let x = simd.sub_f32s(load::<S>(xs, at), cx);
+            let y = simd.sub_f32s(load::<S>(ys, at), cy);
             let z = simd.sub_f32s(load::<S>(zs, at), cz);
-            let near = simd.less_than_or_equal_f32s(simd.abs_f32s(z), limit);
-            let x = simd.select_f32s(near, simd.sub_f32s(load::<S>(xs, at), cx), zero);
-            let y = simd.select_f32s(near, simd.sub_f32s(load::<S>(ys, at), cy), zero);
-            let z = simd.select_f32s(near, z, zero);
-            total = [
-                simd.add_f32s(total[0], simd.select_f32s(near, one, zero)),
-                simd.add_f32s(total[1], x),
-                simd.add_f32s(total[2], y),
-                simd.add_f32s(total[3], z),
-                simd.mul_add_e_f32s(x, x, total[4]),
-                simd.mul_add_e_f32s(x, y, total[5]),
-                simd.mul_add_e_f32s(x, z, total[6]),
-                simd.mul_add_e_f32s(y, y, total[7]),
-                simd.mul_add_e_f32s(y, z, total[8]),
-                simd.mul_add_e_f32s(z, z, total[9]),
-            ];
+            total = with_pixel(simd, total, [x, y, z], limit);
         }
         for (plane, value) in sums.chunks_exact_mut(stride).zip(total) {
             S::as_mut_simd_f32s(&mut plane[u + radius..u + radius + S::F32_LANES]).0[0] = value;
@@ -151,6 +138,7 @@ fn finish_row<S: Simd>(
 ) {
     let Ring { stride, radius, .. } = *ring;
     let (zero, one) = (simd.splat_f32s(0.0), simd.splat_f32s(1.0));
+    let all = simd.splat_f32s((2 * radius + 1).pow(2) as f32);
     let needed = simd.splat_f32s((((2 * radius + 1).pow(2) / 3).max(3)) as f32);
     let centre = ring.row(row);
     for u in (0..normals.len()).step_by(S::F32_LANES) {
@@ -166,10 +154,10 @@ fn finish_row<S: Simd>(
             let dx = simd.select_f32s(near, simd.sub_f32s(load::<S>(planes, at), cx), zero);
             let dy = simd.select_f32s(near, simd.sub_f32s(load::<S>(planes, stride + at), cy), zero);
             let dz = simd.select_f32s(near, dz, zero);
-            let of = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9].map(
-                #[inline(always)]
-                |k: usize| simd.select_f32s(near, load::<S>(planes, (3 + k) * stride + at), zero),
-            );
+            let mut of = [zero; 10];
+            for (k, of) in of.iter_mut().enumerate() {
+                *of = simd.select_f32s(near, load::<S>(planes, (3 + k) * stride + at), zero);
+            }
             let (n, sx, sy, sz) = (of[0], of[1], of[2], of[3]);
             // The row's sums about its own pixel become sums about the centre: s + n d, P + d s'ᵀ + s dᵀ.
             let tx = simd.mul_add_e_f32s(n, dx, sx);
@@ -188,18 +176,24 @@ fn finish_row<S: Simd>(
                 simd.add_f32s(total[9], moved(simd, of[9], [dz, tz], [sz, dz])),
             ];
         }
+        // Without depth there is no limit either.
+        let present = simd.greater_than_or_equal_f32s(limit, zero);
+        let broken = simd.and_m32s(present, simd.less_than_f32s(total[0], all));
+        if simd.first_true_m32s(broken) < S::F32_LANES {
+            total = window(simd, ring, around.clone(), at, [cx, cy, cz], limit);
+        }
         let enough = simd.greater_than_or_equal_f32s(total[0], needed);
         let per_count = simd.div_f32s(one, simd.select_f32s(enough, total[0], one));
-        let mean = [1, 2, 3].map(
-            #[inline(always)]
-            |k: usize| simd.mul_f32s(total[k], per_count),
-        );
-        let covariance = [(4, 0, 0), (5, 0, 1), (6, 0, 2), (7, 1, 1), (8, 1, 2), (9, 2, 2)].map(
-            #[inline(always)]
-            |(k, a, b): (usize, usize, usize)| {
-                simd.sub_f32s(simd.mul_f32s(total[k], per_count), simd.mul_f32s(mean[a], mean[b]))
-            },
-        );
+        let mut mean = [zero; 3];
+        for (mean, sum) in mean.iter_mut().zip(&total[1..]) {
+            *mean = simd.mul_f32s(*sum, per_count);
+        }
+        let mut covariance = [zero; 6];
+        for ((covariance, sum), (a, b)) in
+            covariance.iter_mut().zip(&total[4..]).zip([(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)])
+        {
+            *covariance = simd.sub_f32s(simd.mul_f32s(*sum, per_count), simd.mul_f32s(mean[a], mean[b]));
+        }
         let found = least_directions(simd, covariance);
         let valid = simd.and_m32s(found.valid, enough);
         let [nx, ny, nz] = found.normal;
@@ -211,6 +205,58 @@ fn finish_row<S: Simd>(
         let columns = [simd.mul_f32s(nx, sign), simd.mul_f32s(ny, sign), simd.mul_f32s(nz, sign), share];
         put::<S>(&columns, &mut normals[u..], &mut curvatures[u..]);
     }
+}
+
+/// Sums over the square window itself, where it is not whole: at jumps and at the picture's border.
+#[inline(always)]
+fn window<S: Simd>(
+    simd: S,
+    ring: &Ring,
+    around: std::ops::Range<usize>,
+    at: usize,
+    [cx, cy, cz]: [S::f32s; 3],
+    limit: S::f32s,
+) -> [S::f32s; 10] {
+    let mut total = [simd.splat_f32s(0.0); 10];
+    for row in around {
+        let planes = ring.row(row);
+        let (xs, rest) = planes.split_at(ring.stride);
+        let (ys, zs) = (&rest[..ring.stride], &rest[ring.stride..2 * ring.stride]);
+        for at in at - ring.radius..=at + ring.radius {
+            let x = simd.sub_f32s(load::<S>(xs, at), cx);
+            let y = simd.sub_f32s(load::<S>(ys, at), cy);
+            let z = simd.sub_f32s(load::<S>(zs, at), cz);
+            total = with_pixel(simd, total, [x, y, z], limit);
+        }
+    }
+    total
+}
+
+/// Count, sums and products with one more pixel, given relative to the centre, if it does not jump.
+#[inline(always)]
+fn with_pixel<S: Simd>(
+    simd: S,
+    total: [S::f32s; 10],
+    [x, y, z]: [S::f32s; 3],
+    limit: S::f32s,
+) -> [S::f32s; 10] {
+    let (zero, one) = (simd.splat_f32s(0.0), simd.splat_f32s(1.0));
+    let near = simd.less_than_or_equal_f32s(simd.abs_f32s(z), limit);
+    let x = simd.select_f32s(near, x, zero);
+    let y = simd.select_f32s(near, y, zero);
+    let z = simd.select_f32s(near, z, zero);
+    [
+        simd.add_f32s(total[0], simd.select_f32s(near, one, zero)),
+        simd.add_f32s(total[1], x),
+        simd.add_f32s(total[2], y),
+        simd.add_f32s(total[3], z),
+        simd.mul_add_e_f32s(x, x, total[4]),
+        simd.mul_add_e_f32s(x, y, total[5]),
+        simd.mul_add_e_f32s(x, z, total[6]),
+        simd.mul_add_e_f32s(y, y, total[7]),
+        simd.mul_add_e_f32s(y, z, total[8]),
+        simd.mul_add_e_f32s(z, z, total[9]),
+    ]
 }
 
 /// `p + a b + c d`.

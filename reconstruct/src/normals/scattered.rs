@@ -1,16 +1,13 @@
 //! Normals of scattered points, a leaf of the tree at a time: its points share one block of candidates, distances are
 //! compared in whole registers, and of the nearest only the bounding distance is sought, never a list.
 
-use pulp::bytemuck::cast_slice;
 use pulp::{Simd, WithSimd};
 
 use super::{Moments, Neighbourhood};
-use crate::knn::{Block, Tree};
+use crate::knn::{Block, Tree, bound, distances, larger_reach};
 
 /// Leaves a parallel task takes; fixed, since each begins with the reach of the one before.
 pub(super) const LEAVES: usize = 32;
-/// Steps of the search for a bounding distance before the candidates left are sorted.
-const STEPS: usize = 10;
 
 /// The points of some leaves.
 pub(super) struct Chunk<'a> {
@@ -35,7 +32,7 @@ impl WithSimd for Chunk<'_> {
                 Neighbourhood::Radius(radius) => self.within(simd, leaf, radius, &mut work),
                 Neighbourhood::Nearest(count) => {
                     let count = count.min(self.tree.len());
-                    let first = reach.unwrap_or_else(|| self.likely_reach(leaf, count));
+                    let first = reach.unwrap_or_else(|| self.tree.likely_reach(leaf, count));
                     reach = Some(self.nearest(simd, leaf, count, first, &mut work));
                 }
             }
@@ -94,7 +91,9 @@ impl Chunk<'_> {
                 let slot = work.pending[i] as usize;
                 let p = self.tree.point(slot);
                 distances(simd, &work.block, &p, &mut work.sq_dists);
-                match bound(simd, &mut work.sq_dists, count, likely, limit, |i| self.index(&work.block, i)) {
+                match bound(simd, &mut work.sq_dists, count, likely, limit, |i| {
+                    self.tree.index_in(&work.block, i)
+                }) {
                     Ok(bound) => {
                         let moments = moments(simd, &work.block, &work.sq_dists, &p, bound);
                         work.rows[first + slot - leaf.start] = moments.surface(&p, &self.viewpoint);
@@ -107,116 +106,22 @@ impl Chunk<'_> {
                 }
             }
             work.pending.truncate(kept);
-            if kept > 0 {
-                // On a surface the number grows with the square of the reach.
-                let growth = (count as f32 / fewest.max(1) as f32).sqrt() * 1.1;
-                reach = (reach * growth.clamp(1.3, 4.0)).max(f32::MIN_POSITIVE).min(f32::MAX);
+            if kept > 0 && reach >= f32::MAX {
+                // So far apart that no square is finite.
+                break;
             }
+            reach = if kept > 0 { larger_reach(reach, count, fewest) } else { reach };
         }
         farthest.sqrt() * 1.1
     }
-
-    fn index(&self, block: &Block, at: usize) -> u32 {
-        block.slots.get(at).map_or(u32::MAX, |&slot| self.tree.indices()[slot as usize])
-    }
-
-    /// Radius of the disc that holds `count` points where they lie as dense as in the leaf.
-    fn likely_reach(&self, leaf: &std::ops::Range<usize>, count: usize) -> f32 {
-        let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-        for slot in leaf.clone() {
-            let p = self.tree.point(slot);
-            for k in 0..3 {
-                low[k] = low[k].min(p[k]);
-                high[k] = high[k].max(p[k]);
-            }
-        }
-        let mut sides: [f32; 3] = std::array::from_fn(|k| high[k] - low[k]);
-        sides.sort_by(f32::total_cmp);
-        let area = sides[2] * sides[1].max(0.1 * sides[2]);
-        let reach = (area / leaf.len() as f32 * count as f32 / std::f32::consts::PI).sqrt() * 1.3;
-        if reach.is_finite() { reach.max(f32::MIN_POSITIVE) } else { f32::MAX }
-    }
-}
-
-/// Squared distances of a block's points.
-#[inline(always)]
-fn distances<S: Simd>(simd: S, block: &Block, p: &[f32; 3], out: &mut Vec<f32>) {
-    let [xs, ys, zs] = block.axes.each_ref().map(|axis| S::as_simd_f32s(axis).0);
-    out.resize(block.axes[0].len(), 0.0);
-    let [px, py, pz] = p.map(|v| simd.splat_f32s(v));
-    let out = S::as_mut_simd_f32s(out).0;
-    for (((&x, &y), &z), out) in xs.iter().zip(ys).zip(zs).zip(out) {
-        let (x, y, z) = (simd.sub_f32s(x, px), simd.sub_f32s(y, py), simd.sub_f32s(z, pz));
-        // Not fused: equal to what everyone else computes.
-        let xy = simd.add_f32s(simd.mul_f32s(x, x), simd.mul_f32s(y, y));
-        *out = simd.add_f32s(xy, simd.mul_f32s(z, z));
-    }
-}
-
-/// How many are not above a limit.
-#[inline(always)]
-fn count_within<S: Simd>(simd: S, sq_dists: &[f32], limit: f32) -> usize {
-    let (limit, one, zero) = (simd.splat_f32s(limit), simd.splat_u32s(1), simd.splat_u32s(0));
-    let mut counts = zero;
-    for &d in S::as_simd_f32s(sq_dists).0 {
-        let within = simd.less_than_or_equal_f32s(d, limit);
-        counts = simd.add_u32s(counts, simd.select_u32s(within, one, zero));
-    }
-    let lanes: &[u32] = cast_slice(std::slice::from_ref(&counts));
-    lanes.iter().sum::<u32>() as usize
-}
-
-/// A distance within which exactly `count` points lie; how many lie within `limit` where those are too few. Of points as far
-/// as the last one, those with the highest index are moved away.
-#[inline(always)]
-fn bound<S: Simd>(
-    simd: S,
-    sq_dists: &mut [f32],
-    count: usize,
-    likely: f32,
-    limit: f32,
-    index: impl Fn(usize) -> u32,
-) -> Result<f32, usize> {
-    let (mut low, mut below) = (0.0f32, 0);
-    let (mut high, mut above) = (limit, count_within(simd, sq_dists, limit));
-    if above <= count {
-        return if above == count { Ok(limit) } else { Err(above) };
-    }
-    let mut middle = likely;
-    for step in 0..STEPS {
-        if !(middle > low && middle < high) {
-            middle = 0.5 * (low + high);
-        }
-        let found = count_within(simd, sq_dists, middle);
-        match found.cmp(&count) {
-            std::cmp::Ordering::Equal => return Ok(middle),
-            std::cmp::Ordering::Less => (low, below) = (middle, found),
-            std::cmp::Ordering::Greater => (high, above) = (middle, found),
-        }
-        // The number grows about evenly with the square of the distance; now and then a halving against slow progress.
-        let share = (count - below) as f32 / (above - below) as f32;
-        middle = low + (high - low) * if step % 4 == 3 { 0.5 } else { share };
-    }
-    Ok(sorted_bound(sq_dists, count, high, index))
-}
-
-#[cold]
-fn sorted_bound(sq_dists: &mut [f32], count: usize, high: f32, index: impl Fn(usize) -> u32) -> f32 {
-    let mut near: Vec<(f32, u32, usize)> =
-        sq_dists.iter().enumerate().filter(|(_, d)| **d <= high).map(|(at, &d)| (d, index(at), at)).collect();
-    near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    let bound = near[count - 1].0;
-    for (_, _, at) in near[count..].iter().take_while(|(d, ..)| *d == bound) {
-        sq_dists[*at] = f32::INFINITY;
-    }
-    bound
 }
 
 /// Sums over the points within a squared distance.
 #[inline(always)]
 fn moments<S: Simd>(simd: S, block: &Block, sq_dists: &[f32], p: &[f32; 3], limit: f32) -> Moments {
-    let [xs, ys, zs] = block.axes.each_ref().map(|axis| S::as_simd_f32s(axis).0);
-    let [px, py, pz] = p.map(|v| simd.splat_f32s(v));
+    let [xs, ys, zs] = &block.axes;
+    let (xs, ys, zs) = (S::as_simd_f32s(xs).0, S::as_simd_f32s(ys).0, S::as_simd_f32s(zs).0);
+    let (px, py, pz) = (simd.splat_f32s(p[0]), simd.splat_f32s(p[1]), simd.splat_f32s(p[2]));
     let (limit, zero) = (simd.splat_f32s(limit), simd.splat_f32s(0.0));
     let (one, mut counts) = (simd.splat_f32s(1.0), zero);
     let mut sums = [zero; 9];
@@ -238,5 +143,9 @@ fn moments<S: Simd>(simd: S, block: &Block, sq_dists: &[f32], p: &[f32; 3], limi
             simd.mul_add_e_f32s(z, z, sums[8]),
         ];
     }
-    Moments::of_sums(simd.reduce_sum_f32s(counts) as usize, sums.map(|sum| simd.reduce_sum_f32s(sum)))
+    let mut totals = [0.0; 9];
+    for (total, sum) in totals.iter_mut().zip(sums) {
+        *total = simd.reduce_sum_f32s(sum);
+    }
+    Moments::of_sums(simd.reduce_sum_f32s(counts) as usize, totals)
 }

@@ -112,7 +112,7 @@ mod tests {
     use super::*;
     use crate::normals::{Neighbourhood, estimate};
     use crate::pose::exp;
-    use nalgebra::Vector6;
+    use nalgebra::{Vector3, Vector6};
 
     fn bumpy() -> PointCloud {
         let mut rng = fastrand::Rng::with_seed(5);

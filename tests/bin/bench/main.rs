@@ -13,6 +13,7 @@ mod normals;
 mod reference;
 mod report;
 mod rows;
+mod scaling;
 mod tags;
 mod voxel;
 
@@ -66,5 +67,7 @@ fn run(bench: &Bench) -> anyhow::Result<()> {
     normals::run(bench)?;
     nearest::run(bench)?;
     features::run(bench)?;
-    tags::run(bench)
+    tags::run(bench)?;
+    scaling::run(bench);
+    Ok(())
 }

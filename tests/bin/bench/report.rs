@@ -32,7 +32,7 @@ struct Group {
 }
 
 /// Others add theirs here.
-const GROUPS: [Group; 6] = [
+const GROUPS: [Group; 7] = [
     Group { title: "Reading files", name: "load", starts: &["load"] },
     Group { title: "Voxel grid", name: "voxel", starts: &["voxel"] },
     Group { title: "Normals", name: "normals", starts: &["normals", "integral-image"] },
@@ -43,6 +43,7 @@ const GROUPS: [Group; 6] = [
         starts: &["fpfh", "pair features", "feature matching"],
     },
     Group { title: "Tag detection", name: "tags", starts: &["ARUCO", "AprilTag"] },
+    Group { title: "Growth with the number of points", name: "scaling", starts: &["scaling"] },
 ];
 
 /// One of our stages beside the peers'.

@@ -10,6 +10,7 @@ pub(crate) struct Row {
     pub(crate) peer: String,
     pub(crate) stage: String,
     pub(crate) threads: usize,
+    /// Median wall time.
     pub(crate) wall_ms: f64,
     pub(crate) wall_min_ms: f64,
     pub(crate) cpu_ms: f64,

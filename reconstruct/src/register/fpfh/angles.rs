@@ -28,11 +28,15 @@ pub(super) fn bins<S: Simd>(simd: S, around: &mut Around) {
     for bins in &mut around.bins {
         bins.resize(count, 0);
     }
-    let [xs, ys, zs] = around.block.axes.each_ref().map(|axis| S::as_simd_f32s(axis).0);
-    let [nx, ny, nz] = around.normals.each_ref().map(|axis| S::as_simd_f32s(axis).0);
-    let [alphas, phis, thetas] = around.bins.each_mut().map(|bins| S::as_mut_simd_u32s(bins).0);
-    let p = around.point.place.map(|v| simd.splat_f32s(v));
-    let n = around.point.normal.map(|v| simd.splat_f32s(v));
+    let Around { block, normals, bins, point, .. } = around;
+    let ([xs, ys, zs], [nx, ny, nz], [alphas, phis, thetas]) = (&block.axes, normals, bins);
+    let (xs, ys, zs) = (S::as_simd_f32s(xs).0, S::as_simd_f32s(ys).0, S::as_simd_f32s(zs).0);
+    let (nx, ny, nz) = (S::as_simd_f32s(nx).0, S::as_simd_f32s(ny).0, S::as_simd_f32s(nz).0);
+    let alphas = S::as_mut_simd_u32s(alphas).0;
+    let phis = S::as_mut_simd_u32s(phis).0;
+    let thetas = S::as_mut_simd_u32s(thetas).0;
+    let p = splat(simd, point.place);
+    let n = splat(simd, point.normal);
     let half = simd.splat_f32s(0.5);
     for i in 0..xs.len() {
         let line = [simd.sub_f32s(xs[i], p[0]), simd.sub_f32s(ys[i], p[1]), simd.sub_f32s(zs[i], p[2])];
@@ -40,12 +44,11 @@ pub(super) fn bins<S: Simd>(simd: S, around: &mut Around) {
         let (along_n, along_m) = (dot(simd, &n, &line), dot(simd, &m, &line));
         // The frame stands where the normal is closer to the connecting line.
         let own = simd.greater_than_or_equal_f32s(simd.abs_f32s(along_n), simd.abs_f32s(along_m));
-        let pick = |a, b| simd.select_f32s(own, a, b);
-        let u: Vector<S> = std::array::from_fn(|k| pick(n[k], m[k]));
-        let other: Vector<S> = std::array::from_fn(|k| pick(m[k], n[k]));
+        let u = choose(simd, own, &n, &m);
+        let other = choose(simd, own, &m, &n);
         let distance = simd.sqrt_f32s(dot(simd, &line, &line));
         let per_distance = simd.div_f32s(simd.splat_f32s(1.0), distance);
-        let per_distance = pick(per_distance, simd.neg_f32s(per_distance));
+        let per_distance = simd.select_f32s(own, per_distance, simd.neg_f32s(per_distance));
         let direction = scaled(simd, &line, per_distance);
         let across = cross(simd, &direction, &u);
         let length = simd.sqrt_f32s(dot(simd, &across, &across));
@@ -56,12 +59,15 @@ pub(super) fn bins<S: Simd>(simd: S, around: &mut Around) {
         let phi = dot(simd, &u, &direction);
         let turn = simd.splat_f32s(1.0 / std::f32::consts::TAU);
         let theta = atan2(simd, dot(simd, &w, &other), dot(simd, &u, &other));
-        let halves = |value| simd.mul_add_e_f32s(value, half, half);
+        let shares = [
+            simd.mul_add_e_f32s(alpha, half, half),
+            simd.mul_add_e_f32s(phi, half, half),
+            simd.mul_add_e_f32s(theta, turn, half),
+        ];
         let spare = simd.splat_u32s(SPARE_BIN);
-        let put = |share, first: usize| simd.select_u32s(valid, bin(simd, share, first), spare);
-        alphas[i] = put(halves(alpha), 0);
-        phis[i] = put(halves(phi), BINS);
-        thetas[i] = put(simd.mul_add_e_f32s(theta, turn, half), 2 * BINS);
+        alphas[i] = simd.select_u32s(valid, bin(simd, shares[0], 0), spare);
+        phis[i] = simd.select_u32s(valid, bin(simd, shares[1], BINS), spare);
+        thetas[i] = simd.select_u32s(valid, bin(simd, shares[2], 2 * BINS), spare);
     }
 }
 
@@ -83,13 +89,31 @@ fn dot<S: Simd>(simd: S, a: &Vector<S>, b: &Vector<S>) -> S::f32s {
 
 #[inline(always)]
 fn scaled<S: Simd>(simd: S, a: &Vector<S>, factor: S::f32s) -> Vector<S> {
-    a.map(|v| simd.mul_f32s(v, factor))
+    [simd.mul_f32s(a[0], factor), simd.mul_f32s(a[1], factor), simd.mul_f32s(a[2], factor)]
 }
 
 #[inline(always)]
 fn cross<S: Simd>(simd: S, a: &Vector<S>, b: &Vector<S>) -> Vector<S> {
-    let minor = |i: usize, j: usize| simd.sub_f32s(simd.mul_f32s(a[i], b[j]), simd.mul_f32s(a[j], b[i]));
-    [minor(1, 2), minor(2, 0), minor(0, 1)]
+    [minor(simd, a, b, 1, 2), minor(simd, a, b, 2, 0), minor(simd, a, b, 0, 1)]
+}
+
+#[inline(always)]
+fn minor<S: Simd>(simd: S, a: &Vector<S>, b: &Vector<S>, i: usize, j: usize) -> S::f32s {
+    simd.sub_f32s(simd.mul_f32s(a[i], b[j]), simd.mul_f32s(a[j], b[i]))
+}
+
+#[inline(always)]
+fn splat<S: Simd>(simd: S, a: [f32; 3]) -> Vector<S> {
+    [simd.splat_f32s(a[0]), simd.splat_f32s(a[1]), simd.splat_f32s(a[2])]
+}
+
+#[inline(always)]
+fn choose<S: Simd>(simd: S, mask: S::m32s, a: &Vector<S>, b: &Vector<S>) -> Vector<S> {
+    [
+        simd.select_f32s(mask, a[0], b[0]),
+        simd.select_f32s(mask, a[1], b[1]),
+        simd.select_f32s(mask, a[2], b[2]),
+    ]
 }
 
 /// Coefficients of the arc tangent's odd polynomial on 0..1 (minimax, to single precision), highest power first.

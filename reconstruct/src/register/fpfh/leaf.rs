@@ -54,7 +54,7 @@ impl<T: Task> WithSimd for Chunk<'_, T> {
                 if self.wanted[slot] {
                     around.point = Oriented {
                         place: tree.point(slot),
-                        normal: normals.each_ref().map(|axis| axis[slot]),
+                        normal: [normals[0][slot], normals[1][slot], normals[2][slot]],
                     };
                     around.find((radius * radius).min(f32::MAX));
                     row = self.task.row(simd, &mut around, slot);
