@@ -79,9 +79,10 @@ impl Default for DepthJump {
 
 /// Normals of an organised depth map in the camera frame; the camera is at the origin.
 ///
-/// `points` has `width * height` rows, row-major, NaN where there is no depth. A pixel's neighbours are those of the
-/// square window of `radius_px` that don't jump in depth from it; all of the window where no row jumps within itself and no
-/// row's middle jumps from the pixel. Fewer than a third of the window, or pixels on one line, give no normal.
+/// `points` has `width * height` rows, row-major, NaN where there is no depth. A pixel's neighbours are those of its column
+/// within `radius_px` that don't jump in depth from it, and of their rows those that don't jump from them; where these are less
+/// than half of the square window, those of the window that don't jump from the pixel. Fewer than a third of the window, or
+/// pixels on one line, give no normal.
 pub fn normals_of_depth(
     points: &[[f32; 3]],
     width: usize,

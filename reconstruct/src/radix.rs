@@ -1,37 +1,32 @@
 //! Sorting integers by some of their bits, digit by digit from the lowest: linear in their number, and stable.
 
-/// Most bits a digit: its counters stay in the first-level cache.
+/// Bits a digit: its counters stay in the first-level cache.
 const DIGIT_BITS: u32 = 11;
+const VALUES: usize = 1 << DIGIT_BITS;
 
 /// Sorts by the bits `from..from + bits`; what stands in other bits keeps its order.
 pub(crate) fn sort_by_bits(keys: &mut Vec<u64>, from: u32, bits: u32) {
-    if keys.len() < 2 || bits == 0 {
-        return;
-    }
-    let passes = bits.div_ceil(DIGIT_BITS);
-    let digit_bits = bits.div_ceil(passes);
-    let digit = |key: u64, pass: u32| {
-        let width = digit_bits.min(bits - pass * digit_bits);
-        ((key >> (from + pass * digit_bits)) & ((1 << width) - 1)) as usize
-    };
-    let mut counts = vec![0u32; passes as usize * (1 << digit_bits)];
-    for key in keys.iter() {
-        for (pass, counts) in (0u32..).zip(counts.chunks_exact_mut(1 << digit_bits)) {
-            counts[digit(*key, pass)] += 1;
+    let mut other = Vec::new();
+    for first in (0..bits).step_by(DIGIT_BITS as usize) {
+        let mask = (1u64 << DIGIT_BITS.min(bits - first)) - 1;
+        let shift = from + first;
+        let digit = |key: u64| ((key >> shift) & mask) as usize & (VALUES - 1);
+        let mut places = [0u32; VALUES];
+        for &key in keys.iter() {
+            places[digit(key)] += 1;
         }
-    }
-    let mut other = vec![0; keys.len()];
-    for (pass, counts) in (0u32..).zip(counts.chunks_exact_mut(1 << digit_bits)) {
-        if counts.iter().any(|&count| count as usize == keys.len()) {
+        if places.iter().any(|&count| count as usize == keys.len()) {
             continue;
         }
         let mut next = 0;
-        for count in counts.iter_mut() {
-            next += std::mem::replace(count, next);
+        for place in &mut places {
+            next += std::mem::replace(place, next);
         }
+        other.resize(keys.len(), 0);
+        let out: &mut [u64] = &mut other;
         for &key in keys.iter() {
-            let place = &mut counts[digit(key, pass)];
-            other[*place as usize] = key;
+            let place = &mut places[digit(key)];
+            out[*place as usize] = key;
             *place += 1;
         }
         std::mem::swap(keys, &mut other);

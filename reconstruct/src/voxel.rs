@@ -448,9 +448,9 @@ mod tests {
             let op =
                 PackedKeys { points: &points, keys: &mut keys, lattice: &lattice, first: 0, index_bits: 10 };
             if scalar {
-                op.with_simd(pulp::Scalar)
+                op.with_simd(pulp::Scalar);
             } else {
-                run(op)
+                run(op);
             }
             keys
         };

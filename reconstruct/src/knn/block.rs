@@ -70,8 +70,7 @@ impl Tree {
                     slots.extend(node.first..node.end);
                 } else {
                     for (i, ((&x, &y), &z)) in x.iter().zip(y).zip(z).enumerate() {
-                        let within = (x >= low[0]) & (x <= high[0]) & (y >= low[1]) & (y <= high[1]);
-                        if within & (z >= low[2]) & (z <= high[2]) {
+                        if is_within(&[x, y, z], &low, &high) {
                             xs.push(x);
                             ys.push(y);
                             zs.push(z);
@@ -87,4 +86,11 @@ impl Tree {
             axis.resize(padded, f32::INFINITY);
         }
     }
+}
+
+#[inline]
+#[expect(clippy::needless_bitwise_bool, reason = "six branches would cost more than six comparisons")]
+fn is_within(p: &[f32; 3], low: &[f32; 3], high: &[f32; 3]) -> bool {
+    let along = |k: usize| (p[k] >= low[k]) & (p[k] <= high[k]);
+    along(0) & along(1) & along(2)
 }

@@ -35,7 +35,7 @@ impl Tree {
 /// The next reach to try where only `fewest` were found: on a surface their number grows with its square.
 pub(crate) fn larger_reach(reach: f32, count: usize, fewest: usize) -> f32 {
     let growth = (count as f32 / fewest.max(1) as f32).sqrt() * 1.1;
-    (reach * growth.clamp(1.3, 4.0)).max(f32::MIN_POSITIVE).min(f32::MAX)
+    (reach * growth.clamp(1.3, 4.0)).clamp(f32::MIN_POSITIVE, f32::MAX)
 }
 
 /// Squared distances of a block's points.

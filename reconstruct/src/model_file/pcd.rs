@@ -97,8 +97,8 @@ impl Rows {
             [single(0), single(4), single(8)]
         }));
         let values = self.cloud.points[before..].as_flattened();
-        let odd = values.iter().filter(|v| !(v.abs() <= MAX_COORDINATE_METRES)).count();
-        if odd > 0 {
+        let good = values.iter().filter(|v| v.abs() <= MAX_COORDINATE_METRES).count();
+        if good < values.len() {
             self.cloud.points.truncate(before);
             return false;
         }

@@ -1,5 +1,6 @@
 //! Normals of an organised depth map: sums along each row first, then of the rows of each column, both only over what does
-//! not jump; so a whole window costs its side, not its area. Bands of rows are independent, whole registers of pixels go at once.
+//! not jump; so a window costs its side, not its area. Where less than half of it is left, it is looked at pixel by pixel.
+//! Bands of rows are independent, whole registers of pixels go at once.
 
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
@@ -138,7 +139,7 @@ fn finish_row<S: Simd>(
 ) {
     let Ring { stride, radius, .. } = *ring;
     let (zero, one) = (simd.splat_f32s(0.0), simd.splat_f32s(1.0));
-    let all = simd.splat_f32s((2 * radius + 1).pow(2) as f32);
+    let half = simd.splat_f32s(0.5 * (2 * radius + 1).pow(2) as f32);
     let needed = simd.splat_f32s((((2 * radius + 1).pow(2) / 3).max(3)) as f32);
     let centre = ring.row(row);
     for u in (0..normals.len()).step_by(S::F32_LANES) {
@@ -178,7 +179,7 @@ fn finish_row<S: Simd>(
         }
         // Without depth there is no limit either.
         let present = simd.greater_than_or_equal_f32s(limit, zero);
-        let broken = simd.and_m32s(present, simd.less_than_f32s(total[0], all));
+        let broken = simd.and_m32s(present, simd.less_than_f32s(total[0], half));
         if simd.first_true_m32s(broken) < S::F32_LANES {
             total = window(simd, ring, around.clone(), at, [cx, cy, cz], limit);
         }
@@ -207,7 +208,7 @@ fn finish_row<S: Simd>(
     }
 }
 
-/// Sums over the square window itself, where it is not whole: at jumps and at the picture's border.
+/// Sums over the square window itself, where much of it is missing: at jumps and at the picture's border.
 #[inline(always)]
 fn window<S: Simd>(
     simd: S,

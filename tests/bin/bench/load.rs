@@ -1,5 +1,7 @@
 //! Reading files: bytes on the disk (in the system's cache) to points in memory.
 
+use reconstruct::model_file::Kind;
+
 use crate::clock::Bench;
 use crate::inputs::cloud;
 
@@ -20,7 +22,8 @@ pub(crate) fn run(bench: &Bench) -> anyhow::Result<()> {
         if !path.exists() {
             continue;
         }
-        let unit = if file.ends_with(".asc") || file.ends_with(".xyz") { 1000.0 } else { 1.0 };
+        // Our reader takes text for millimetres.
+        let unit = if Kind::from_name(file) == Some(Kind::Asc) { 1000.0 } else { 1.0 };
         bench.stage(
             &format!("load {file}"),
             || cloud(&path),

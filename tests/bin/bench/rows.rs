@@ -10,8 +10,6 @@ pub(crate) struct Row {
     pub(crate) peer: String,
     pub(crate) stage: String,
     pub(crate) threads: usize,
-    /// Median wall time.
-    pub(crate) wall_ms: f64,
     pub(crate) wall_min_ms: f64,
     pub(crate) cpu_ms: f64,
     /// What else is known: numbers of points, quality.
@@ -24,12 +22,11 @@ impl Row {
         let mut fields = line.splitn(10, ',');
         let mut text = || fields.next().map(str::trim);
         let (peer, stage, threads, _) = (text()?, text()?, text()?, text()?);
-        let (wall, low, _, cpu, _) = (text()?, text()?, text()?, text()?, text()?);
+        let (_, low, _, cpu, _) = (text()?, text()?, text()?, text()?, text()?);
         Some(Self {
             peer: peer.to_owned(),
             stage: stage.to_owned(),
             threads: threads.parse().ok()?,
-            wall_ms: wall.parse().ok()?,
             wall_min_ms: low.parse().ok()?,
             cpu_ms: cpu.parse().ok()?,
             extra: text().unwrap_or_default().to_owned(),

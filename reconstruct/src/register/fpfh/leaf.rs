@@ -6,7 +6,7 @@ use pulp::{Simd, WithSimd};
 
 use super::angles::{Oriented, SPARE_BIN, bins};
 use super::{BINS, Context, LENGTH, TOTAL};
-use crate::knn::Block;
+use crate::knn::{Block, distances};
 
 /// A descriptor padded to whole registers.
 pub(super) type Histogram = [f32; PADDED];
@@ -56,7 +56,7 @@ impl<T: Task> WithSimd for Chunk<'_, T> {
                         place: tree.point(slot),
                         normal: [normals[0][slot], normals[1][slot], normals[2][slot]],
                     };
-                    around.find((radius * radius).min(f32::MAX));
+                    around.find(simd, (radius * radius).min(f32::MAX));
                     row = self.task.row(simd, &mut around, slot);
                 }
                 rows.push(row);
@@ -74,44 +74,48 @@ pub(super) struct Around {
     pub(super) point: Oriented,
     /// Squared distances of the candidates.
     sq_dists: Vec<f32>,
-    /// Candidates that are neighbours.
+    /// Candidates that are neighbours: the first `found`.
     near: Vec<u32>,
+    found: usize,
     /// Bins of the three angles of every candidate.
     pub(super) bins: [Vec<u32>; 3],
 }
 
 impl Around {
+    /// The candidates' normals; a candidate without one is moved out of reach.
     #[inline(always)]
     fn take_normals(&mut self, normals: &[Vec<f32>; 3]) {
+        let count = self.block.axes[0].len();
         for (taken, all) in self.normals.iter_mut().zip(normals) {
             taken.clear();
             taken.extend(self.block.slots.iter().map(|&slot| all[slot as usize]));
-            taken.resize(self.block.axes[0].len(), 0.0);
+            taken.resize(count, 0.0);
+        }
+        let [nx, ny, nz] = &self.normals;
+        for (((place, x), y), z) in self.block.axes[0].iter_mut().zip(nx).zip(ny).zip(nz) {
+            if [*x, *y, *z] == [0.0; 3] {
+                *place = f32::INFINITY;
+            }
         }
     }
 
     /// Finds the neighbours: other places within the radius that have a normal.
     #[inline(always)]
-    fn find(&mut self, limit: f32) {
-        let [px, py, pz] = self.point.place;
-        let [xs, ys, zs] = &self.block.axes;
-        let count = xs.len();
-        self.sq_dists.resize(count, 0.0);
-        for (((d, x), y), z) in self.sq_dists.iter_mut().zip(xs).zip(ys).zip(zs) {
-            let (x, y, z) = (x - px, y - py, z - pz);
-            *d = x * x + y * y + z * z;
-        }
-        let [nx, ny, nz] = &self.normals;
-        self.near.clear();
-        self.near.resize(count, 0);
+    #[expect(clippy::needless_bitwise_bool, reason = "a branch would be guessed wrong every other time")]
+    fn find<S: Simd>(&mut self, simd: S, limit: f32) {
+        distances(simd, &self.block, &self.point.place, &mut self.sq_dists);
+        self.near.resize(self.sq_dists.len(), 0);
+        let near: &mut [u32] = &mut self.near;
         let mut found = 0;
-        for i in 0..count {
-            let d = self.sq_dists[i];
-            let oriented = (nx[i] != 0.0) | (ny[i] != 0.0) | (nz[i] != 0.0);
-            self.near[found] = i as u32;
-            found += usize::from((d > 0.0) & (d <= limit) & oriented);
+        for (i, &d) in (0u32..).zip(&self.sq_dists) {
+            near[found] = i;
+            found += usize::from((d > 0.0) & (d <= limit));
         }
-        self.near.truncate(found);
+        self.found = found;
+    }
+
+    fn near(&self) -> &[u32] {
+        &self.near[..self.found]
     }
 }
 
@@ -119,18 +123,18 @@ impl Task for Simple {
     #[inline(always)]
     fn row<S: Simd>(self, simd: S, around: &mut Around, _: usize) -> Histogram {
         let mut row = [0.0; PADDED];
-        if around.near.is_empty() || around.point.normal == [0.0; 3] {
+        if around.found == 0 || around.point.normal == [0.0; 3] {
             return row;
         }
         bins(simd, around);
         // Two sets of counters: the same bin twice in a row would wait for itself.
         let mut counts = [[0u32; 64]; 2];
-        for (i, &near) in around.near.iter().enumerate() {
+        for (i, &near) in around.near().iter().enumerate() {
             for bins in &around.bins {
                 counts[i % 2][bins[near as usize] as usize % 64] += 1;
             }
         }
-        let share = TOTAL / around.near.len() as f32;
+        let share = TOTAL / around.found as f32;
         for bin in 0..SPARE_BIN as usize {
             row[bin] = (counts[0][bin] + counts[1][bin]) as f32 * share;
         }
@@ -140,16 +144,20 @@ impl Task for Simple {
 
 impl Task for Weighted<'_> {
     #[inline(always)]
-    fn row<S: Simd>(self, _: S, around: &mut Around, slot: usize) -> Histogram {
+    fn row<S: Simd>(self, simd: S, around: &mut Around, slot: usize) -> Histogram {
         let mut sums = [[0.0f32; PADDED]; 2];
-        for (i, &near) in around.near.iter().enumerate() {
-            let weight = 1.0 / around.sq_dists[near as usize];
+        for (i, &near) in around.near().iter().enumerate() {
+            let weight = simd.splat_f32s(1.0 / around.sq_dists[near as usize]);
             let histogram = &self.0[around.block.slots[near as usize] as usize];
-            for (sum, value) in sums[i % 2].iter_mut().zip(histogram) {
-                *sum += weight * value;
+            let sum = S::as_mut_simd_f32s(&mut sums[i % 2]).0;
+            for (sum, &value) in sum.iter_mut().zip(S::as_simd_f32s(histogram).0) {
+                *sum = simd.add_f32s(*sum, simd.mul_f32s(weight, value));
             }
         }
-        let sum: Histogram = std::array::from_fn(|k| sums[0][k] + sums[1][k]);
+        let mut sum = sums[0];
+        for (sum, other) in sum.iter_mut().zip(&sums[1]) {
+            *sum += other;
+        }
         let own = &self.0[slot];
         let mut row = [0.0; PADDED];
         for bins in (0..LENGTH).step_by(BINS).map(|first| first..first + BINS) {
