@@ -6,28 +6,32 @@ const VALUES: usize = 1 << DIGIT_BITS;
 
 /// Sorts by the bits `from..from + bits`; what stands in other bits keeps its order.
 pub(crate) fn sort_by_bits(keys: &mut Vec<u64>, from: u32, bits: u32) {
+    let digit = |first: u32| {
+        let mask = (1u64 << DIGIT_BITS.min(bits.saturating_sub(first))) - 1;
+        let shift = from + first.min(bits);
+        move |key: u64| ((key >> shift) & mask) as usize & (VALUES - 1)
+    };
+    let mut counts = [0u32; VALUES];
+    let this = digit(0);
+    for &key in keys.iter() {
+        counts[this(key)] += 1;
+    }
     let mut other = Vec::new();
     for first in (0..bits).step_by(DIGIT_BITS as usize) {
-        let mask = (1u64 << DIGIT_BITS.min(bits - first)) - 1;
-        let shift = from + first;
-        let digit = |key: u64| ((key >> shift) & mask) as usize & (VALUES - 1);
-        let mut places = [0u32; VALUES];
-        for &key in keys.iter() {
-            places[digit(key)] += 1;
-        }
-        if places.iter().any(|&count| count as usize == keys.len()) {
-            continue;
-        }
-        let mut next = 0;
+        let (this, next) = (digit(first), digit(first + DIGIT_BITS));
+        let mut places = counts;
+        let mut before = 0;
         for place in &mut places {
-            next += std::mem::replace(place, next);
+            before += std::mem::replace(place, before);
         }
+        counts = [0; VALUES];
         other.resize(keys.len(), 0);
         let out: &mut [u64] = &mut other;
         for &key in keys.iter() {
-            let place = &mut places[digit(key)];
+            let place = &mut places[this(key)];
             out[*place as usize] = key;
             *place += 1;
+            counts[next(key)] += 1;
         }
         std::mem::swap(keys, &mut other);
     }

@@ -69,14 +69,20 @@ impl Tree {
                     zs.extend_from_slice(z);
                     slots.extend(node.first..node.end);
                 } else {
-                    for (i, ((&x, &y), &z)) in x.iter().zip(y).zip(z).enumerate() {
-                        if is_within(&[x, y, z], &low, &high) {
-                            xs.push(x);
-                            ys.push(y);
-                            zs.push(z);
-                            slots.push(node.first + i as u32);
-                        }
+                    let before = slots.len();
+                    for axis in [&mut *xs, &mut *ys, &mut *zs] {
+                        axis.resize(before + x.len(), 0.0);
                     }
+                    slots.resize(before + x.len(), 0);
+                    let mut end = before;
+                    for (slot, ((&x, &y), &z)) in (node.first..).zip(x.iter().zip(y).zip(z)) {
+                        (xs[end], ys[end], zs[end], slots[end]) = (x, y, z, slot);
+                        end += usize::from(is_within(&[x, y, z], &low, &high));
+                    }
+                    for axis in [&mut *xs, &mut *ys, &mut *zs] {
+                        axis.truncate(end);
+                    }
+                    slots.truncate(end);
                 }
             }
             at = if apart || inside { node.after as usize } else { at + 1 };

@@ -11,6 +11,8 @@ use crate::simd::{LANES, run};
 
 /// Rows of a parallel task.
 const BAND: usize = 60;
+/// Columns worked on at once: what is kept of their rows stays in the first-level cache.
+const STRIP: usize = 2 * LANES;
 /// Values kept a pixel: its place, then count, sums and products of its row relative to it.
 const PLANES: usize = 13;
 
@@ -56,25 +58,28 @@ impl WithSimd for Band<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let (height, radius) = (self.points.len() / self.width, self.radius.min(self.points.len()));
-        let (rows, stride) = (2 * radius + 1, 2 * radius + self.width.next_multiple_of(LANES));
+        let height = self.points.len() / self.width;
+        let radius = self.radius.min(self.width.max(height));
+        let (rows, stride) = (2 * radius + 1, 2 * radius + STRIP);
         let mut ring = Ring { rows, stride, radius, data: vec![f32::NAN; rows * PLANES * stride] };
         let last = self.first + self.normals.len() / self.width;
-        let mut next = self.first.saturating_sub(radius);
-        let limits = self.jump;
-        for row in self.first..last {
-            while next < (row + radius + 1).min(height) {
-                let points = &self.points[next * self.width..][..self.width];
-                let size = PLANES * stride;
-                let place = next % rows * size;
-                sum_row(simd, points, &mut ring.data[place..place + size], stride, radius, limits);
-                next += 1;
+        for left in (0..self.width).step_by(STRIP) {
+            let right = (left + STRIP).min(self.width);
+            let mut next = self.first.saturating_sub(radius);
+            for row in self.first..last {
+                while next < (row + radius + 1).min(height) {
+                    let points = &self.points[next * self.width..][..self.width];
+                    let size = PLANES * stride;
+                    let place = next % rows * size;
+                    sum_row(simd, points, left, &mut ring.data[place..place + size], radius, self.jump);
+                    next += 1;
+                }
+                let around = row.saturating_sub(radius)..(row + radius + 1).min(height);
+                let out = (row - self.first) * self.width;
+                let normals = &mut self.normals[out + left..out + right];
+                let curvatures = &mut self.curvatures[out + left..out + right];
+                finish_row(simd, &ring, row, around, self.jump, normals, curvatures);
             }
-            let around = row.saturating_sub(radius)..(row + radius + 1).min(height);
-            let out = (row - self.first) * self.width;
-            let normals = &mut self.normals[out..out + self.width];
-            let curvatures = &mut self.curvatures[out..out + self.width];
-            finish_row(simd, &ring, row, around, limits, normals, curvatures);
         }
     }
 }
@@ -95,22 +100,18 @@ fn limit_of<S: Simd>(simd: S, jump: DepthJump, z: S::f32s) -> S::f32s {
 fn sum_row<S: Simd>(
     simd: S,
     points: &[[f32; 3]],
+    left: usize,
     planes: &mut [f32],
-    stride: usize,
     radius: usize,
     jump: DepthJump,
 ) {
+    let stride = 2 * radius + STRIP;
     let (places, sums) = planes.split_at_mut(3 * stride);
     let (xs, rest) = places.split_at_mut(stride);
     let (ys, zs) = rest.split_at_mut(stride);
-    let inside = radius..radius + points.len();
-    for (((p, x), y), z) in
-        points.iter().zip(&mut xs[inside.clone()]).zip(&mut ys[inside.clone()]).zip(&mut zs[inside])
-    {
-        (*x, *y, *z) = (p[0], p[1], p[2]);
-    }
+    places_around(points, left, radius, [&mut *xs, &mut *ys, &mut *zs]);
     let zero = simd.splat_f32s(0.0);
-    for u in (0..stride - 2 * radius).step_by(S::F32_LANES) {
+    for u in (0..STRIP).step_by(S::F32_LANES) {
         let [cx, cy, cz] = [load::<S>(xs, u + radius), load::<S>(ys, u + radius), load::<S>(zs, u + radius)];
         let limit = limit_of(simd, jump, cz);
         let mut total = [zero; 10];
@@ -123,6 +124,21 @@ fn sum_row<S: Simd>(
         for (plane, value) in sums.chunks_exact_mut(stride).zip(total) {
             S::as_mut_simd_f32s(&mut plane[u + radius..u + radius + S::F32_LANES]).0[0] = value;
         }
+    }
+}
+
+/// The strip's places and `radius` more on both sides, NaN beyond the picture.
+fn places_around(points: &[[f32; 3]], left: usize, radius: usize, [xs, ys, zs]: [&mut [f32]; 3]) {
+    let first = left.saturating_sub(radius);
+    let end = (left + STRIP + radius).min(points.len());
+    let begin = first + radius - left;
+    for column in [&mut *xs, &mut *ys, &mut *zs] {
+        column[..begin].fill(f32::NAN);
+        column[begin + end - first..].fill(f32::NAN);
+    }
+    let columns = xs[begin..].iter_mut().zip(&mut ys[begin..]).zip(&mut zs[begin..]);
+    for (((x, y), z), p) in columns.zip(&points[first..end]) {
+        (*x, *y, *z) = (p[0], p[1], p[2]);
     }
 }
 

@@ -1,4 +1,4 @@
-//! The three angles of Rusu's Darboux frame between a point and all candidates, a register of candidates at once, as bins.
+//! The three angles of Rusu's Darboux frame between a point and its neighbours, a register of neighbours at once, as bins.
 
 use pulp::Simd;
 
@@ -24,12 +24,12 @@ type Vector<S> = [<S as Simd>::f32s; 3];
 /// `α = v·n_t`, `φ = u·(p_t - p_s)/d`, `θ = atan2(w·n_t, u·n_t)` (their eq. 1–2), each scaled to 0..1 and put into bins.
 #[inline(always)]
 pub(super) fn bins<S: Simd>(simd: S, around: &mut Around) {
-    let count = around.block.axes[0].len();
+    let count = around.oriented[0].len();
     for bins in &mut around.bins {
         bins.resize(count, 0);
     }
-    let Around { block, normals, bins, point, .. } = around;
-    let ([xs, ys, zs], [nx, ny, nz], [alphas, phis, thetas]) = (&block.axes, normals, bins);
+    let Around { oriented, bins, point, .. } = around;
+    let ([xs, ys, zs, nx, ny, nz], [alphas, phis, thetas]) = (oriented, bins);
     let (xs, ys, zs) = (S::as_simd_f32s(xs).0, S::as_simd_f32s(ys).0, S::as_simd_f32s(zs).0);
     let (nx, ny, nz) = (S::as_simd_f32s(nx).0, S::as_simd_f32s(ny).0, S::as_simd_f32s(nz).0);
     let alphas = S::as_mut_simd_u32s(alphas).0;

@@ -7,6 +7,7 @@ use pulp::{Simd, WithSimd};
 use super::angles::{Oriented, SPARE_BIN, bins};
 use super::{BINS, Context, LENGTH, TOTAL};
 use crate::knn::{Block, distances};
+use crate::simd::LANES;
 
 /// A descriptor padded to whole registers.
 pub(super) type Histogram = [f32; PADDED];
@@ -77,7 +78,9 @@ pub(super) struct Around {
     /// Candidates that are neighbours: the first `found`.
     near: Vec<u32>,
     found: usize,
-    /// Bins of the three angles of every candidate.
+    /// Places and normals of the neighbours, padded to whole registers.
+    pub(super) oriented: [Vec<f32>; 6],
+    /// Bins of the three angles of every neighbour.
     pub(super) bins: [Vec<u32>; 3],
 }
 
@@ -114,6 +117,19 @@ impl Around {
         self.found = found;
     }
 
+    /// Brings the neighbours' places and normals together.
+    #[inline(always)]
+    fn take_oriented(&mut self) {
+        let padded = self.found.next_multiple_of(LANES);
+        let near = &self.near[..self.found];
+        let columns = self.block.axes.iter().chain(&self.normals);
+        for (taken, all) in self.oriented.iter_mut().zip(columns) {
+            taken.clear();
+            taken.extend(near.iter().map(|&i| all[i as usize]));
+            taken.resize(padded, 0.0);
+        }
+    }
+
     fn near(&self) -> &[u32] {
         &self.near[..self.found]
     }
@@ -126,12 +142,14 @@ impl Task for Simple {
         if around.found == 0 || around.point.normal == [0.0; 3] {
             return row;
         }
+        around.take_oriented();
         bins(simd, around);
         // Two sets of counters: the same bin twice in a row would wait for itself.
         let mut counts = [[0u32; 64]; 2];
-        for (i, &near) in around.near().iter().enumerate() {
-            for bins in &around.bins {
-                counts[i % 2][bins[near as usize] as usize % 64] += 1;
+        let [alphas, phis, thetas] = &around.bins;
+        for (i, ((alpha, phi), theta)) in alphas.iter().zip(phis).zip(thetas).take(around.found).enumerate() {
+            for bin in [alpha, phi, theta] {
+                counts[i % 2][*bin as usize % 64] += 1;
             }
         }
         let share = TOTAL / around.found as f32;
