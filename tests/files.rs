@@ -193,9 +193,9 @@ fn models() -> Vec<Mesh> {
     let full = PointCloud { colors, normals, ..bare.clone() };
     let triangles = (0..198).map(|i| [i, i + 1, i + 2]).collect();
     vec![
-        Mesh { vertices: bare, triangles: Vec::new() },
-        Mesh { vertices: full.clone(), triangles: Vec::new() },
-        Mesh { vertices: full, triangles },
+        Mesh::of_points(bare),
+        Mesh::of_points(full.clone()),
+        Mesh { vertices: full, triangles, ..Mesh::default() },
     ]
 }
 

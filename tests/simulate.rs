@@ -96,6 +96,6 @@ fn a_scan_with_a_scale_error_is_built_within_its_limits() {
     }
     assert_eq!(used, 8);
     let surface = Surface::of(&scan.truth.mesh).expect("the truth has a surface");
-    let errors = surface_errors(&surface, &built.cloud.points);
+    let errors = surface_errors(&surface, &built.model.measured().points);
     assert!(percentile(&errors, 0.5) < 0.0006, "{}", percentile(&errors, 0.5));
 }

@@ -103,7 +103,11 @@ fn built(folder: &Path) -> Vec<u8> {
     let points: Vec<[f32; 3]> =
         (0..POINTS).map(|_| [rng.f32() * 0.1, rng.f32() * 0.08, rng.f32() * 0.2]).collect();
     let colors = points.iter().map(|p| p.map(|v| (v * 1000.0) as u8)).collect();
-    let mesh = Mesh { vertices: PointCloud { points, colors, normals: vec![] }, triangles: vec![] };
+    let mesh = Mesh {
+        vertices: PointCloud { points, colors, normals: vec![] },
+        triangles: vec![],
+        ..Mesh::default()
+    };
     let mut model = Vec::new();
     model_file::ply::write(&mesh, &mut model).unwrap();
     std::fs::write(folder.join("model.ply"), &model).unwrap();

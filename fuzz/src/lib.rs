@@ -27,9 +27,9 @@ pub fn models() -> Vec<Mesh> {
     let colored = PointCloud { colors, ..bare.clone() };
     let full = PointCloud { normals, ..colored.clone() };
     vec![
-        Mesh { vertices: bare, triangles: Vec::new() },
-        Mesh { vertices: colored, triangles: Vec::new() },
-        Mesh { vertices: full, triangles: vec![[0, 1, 2], [3, 2, 1]] },
+        Mesh::of_points(bare),
+        Mesh::of_points(colored),
+        Mesh { vertices: full, triangles: vec![[0, 1, 2], [3, 2, 1]], ..Mesh::default() },
     ]
 }
 

@@ -39,5 +39,6 @@ pub mod segment;
 pub mod segment_free;
 mod simd;
 pub mod stream;
+pub mod surface;
 pub mod view;
 pub mod voxel;

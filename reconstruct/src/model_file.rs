@@ -107,9 +107,9 @@ impl Kind {
 /// Reads a model of the named kind: metres, z up. Textures of GLB files are left aside; see [`glb::read_with_textures`].
 pub fn read(kind: Kind, reader: impl BufRead, limits: &Limits) -> Result<Mesh, ModelError> {
     match kind {
-        Kind::Asc => asc::read(reader, limits).map(|vertices| Mesh { vertices, triangles: Vec::new() }),
+        Kind::Asc => asc::read(reader, limits).map(Mesh::of_points),
         Kind::Ply => ply::read(reader, limits),
-        Kind::Pcd => pcd::read(reader, limits).map(|vertices| Mesh { vertices, triangles: Vec::new() }),
+        Kind::Pcd => pcd::read(reader, limits).map(Mesh::of_points),
         Kind::Glb => glb::read(reader, limits),
     }
 }

@@ -1,9 +1,12 @@
 //! What is said about a scan: `report.json`, and the reasons why a view was left out, in words a seller understands.
 
+pub mod surface;
+
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::register::source_chain::SourceReport;
+use surface::SurfaceReport;
 
 /// `report.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -12,7 +15,7 @@ pub struct Report {
     pub version: u32,
     /// One entry a view of the recording, in its order.
     pub views: Vec<ViewReport>,
-    /// Points of the model.
+    /// Measured points of the model.
     pub points: usize,
     /// Length, width, height, metres; absent where nothing was built.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -20,6 +23,9 @@ pub struct Report {
     /// Half widths of their 95 % intervals, metres.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dimensions_uncertainty_m: Option<[f64; 3]>,
+    /// How much of the surface was measured, how well, and what is missing; absent where no surface was made.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub surface: Option<SurfaceReport>,
     /// How the depth was corrected.
     pub depth_calibration: CalibrationReport,
     /// What the seller should know.

@@ -2,17 +2,17 @@
 //!
 //! Little-endian: `"ARS1"` · u32 length of the header · header JSON padded with spaces to a multiple of 4 · chunks of 4096
 //! points · triangles. A chunk of n points: `u16[3n]` positions (`p = min + q / 65535 * (max - min)`, metres, z up), `u8[3n]`
-//! sRGB, with normals `i8[2n]` (octahedral, after Cigolle et al. 2014), zeros up to a multiple of 4; then `u32[3]` a triangle.
+//! sRGB, with normals `i8[2n]` (octahedral, after Cigolle et al. 2014), with deviations `u8[n]` (steps of 0.02 mm up to 254;
+//! 255: invented, nobody measured it), zeros up to a multiple of 4; then `u32[3]` a triangle.
 //!
-//! The points of a plain cloud are in an order in which **any prefix is an even sample of the whole**: along a Morton
+//! The points are in an order in which **any prefix is an even sample of the whole**: along a Morton
 //! curve, whose neighbours are neighbours in space, read at the indices of van der Corput's sequence, which fills an
-//! interval evenly at every length. Vertices of a mesh keep their order.
+//! interval evenly at every length. So a mesh can be shown by its vertices until its triangles are there.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::cloud::PointCloud;
-use crate::mesh::Mesh;
+use crate::mesh::{INVENTED, Mesh};
 
 /// Points of a chunk; the last may have fewer.
 pub const CHUNK_POINTS: usize = 4096;
@@ -20,6 +20,9 @@ pub const CHUNK_POINTS: usize = 4096;
 const MAX_HEADER_BYTES: usize = 64 * 1024;
 /// Colour of points that have none.
 const NO_COLOR: [u8; 3] = [176; 3];
+/// Steps of deviations, metres, and the step of invented points.
+const DEVIATION_STEP_METRES: f32 = 0.00002;
+const INVENTED_STEP: u8 = 255;
 const MAGIC: &[u8; 4] = b"ARS1";
 
 /// What cannot be written or read.
@@ -61,6 +64,9 @@ pub struct Header {
     pub chunk_points: u32,
     /// Whether chunks carry normals.
     pub has_normals: bool,
+    /// Whether chunks carry deviations.
+    #[serde(default)]
+    pub has_deviations: bool,
     /// Always `"z"`.
     pub up: String,
 }
@@ -69,15 +75,16 @@ pub struct Header {
 pub fn encode(model: &Mesh) -> Result<Vec<u8>, StreamError> {
     let cloud = &model.vertices;
     let (header, order) = (header_of(model)?, order_of(model));
-    let per_point = if header.has_normals { 11 } else { 9 };
-    let mut out = Vec::with_capacity(512 + cloud.len() * per_point + model.triangles.len() * 12);
+    let mut out = Vec::with_capacity(512 + cloud.len() * 12 + model.triangles.len() * 12);
     out.extend_from_slice(MAGIC);
     write_header(&mut out, &header);
     for chunk in order.chunks(CHUNK_POINTS) {
-        write_chunk(&mut out, cloud, &header, chunk);
+        write_chunk(&mut out, model, &header, chunk);
     }
-    for index in model.triangles.iter().flatten() {
-        out.extend_from_slice(&index.to_le_bytes());
+    let mut place = vec![0u32; cloud.len()];
+    order.iter().enumerate().for_each(|(new, &old)| place[old as usize] = new as u32);
+    for &index in model.triangles.iter().flatten() {
+        out.extend_from_slice(&place[index as usize].to_le_bytes());
     }
     Ok(out)
 }
@@ -86,18 +93,18 @@ pub fn encode(model: &Mesh) -> Result<Vec<u8>, StreamError> {
 pub fn decode(bytes: &[u8]) -> Result<(Header, Mesh), StreamError> {
     let (header, mut rest) = read_header(bytes)?;
     let (points, triangles) = (header.points as usize, header.triangles as usize);
-    let mut cloud = PointCloud::default();
+    let mut mesh = Mesh::default();
     for start in (0..points).step_by(CHUNK_POINTS) {
         let n = CHUNK_POINTS.min(points - start);
-        let chunk = take(&mut rest, chunk_bytes(n, header.has_normals))?;
-        read_chunk(chunk, n, &header, &mut cloud);
+        let chunk = take(&mut rest, chunk_bytes(n, &header))?;
+        read_chunk(chunk, n, &header, &mut mesh);
     }
     let indices = take(&mut rest, triangles.checked_mul(12).ok_or(StreamError::TooMany)?)?;
-    let triangles = indices.chunks_exact(12).map(|t| std::array::from_fn(|k| u32_at(t, 4 * k))).collect();
+    mesh.triangles = indices.chunks_exact(12).map(|t| std::array::from_fn(|k| u32_at(t, 4 * k))).collect();
     if !rest.is_empty() {
         return Err(StreamError::Malformed("bytes after the end"));
     }
-    Ok((header, Mesh { vertices: cloud, triangles }))
+    Ok((header, mesh))
 }
 
 fn header_of(model: &Mesh) -> Result<Header, StreamError> {
@@ -119,17 +126,14 @@ fn header_of(model: &Mesh) -> Result<Header, StreamError> {
         max,
         chunk_points: CHUNK_POINTS as u32,
         has_normals: cloud.has_normals(),
+        has_deviations: model.has_deviations(),
         up: "z".to_string(),
     })
 }
 
-/// Indices in the order they are written.
-fn order_of(model: &Mesh) -> Vec<u32> {
-    if model.triangles.is_empty() {
-        even_order(&model.vertices.points)
-    } else {
-        (0..model.vertices.len() as u32).collect()
-    }
+/// Indices of the points in the order they are written.
+pub fn order_of(model: &Mesh) -> Vec<u32> {
+    even_order(&model.vertices.points)
 }
 
 /// Indices of all points, such that the first n of them are spread evenly over the whole, for every n.
@@ -170,7 +174,8 @@ fn write_header(out: &mut Vec<u8>, header: &Header) {
     out.extend_from_slice(&json);
 }
 
-fn write_chunk(out: &mut Vec<u8>, cloud: &PointCloud, header: &Header, chunk: &[u32]) {
+fn write_chunk(out: &mut Vec<u8>, model: &Mesh, header: &Header, chunk: &[u32]) {
+    let cloud = &model.vertices;
     let start = out.len();
     for &i in chunk {
         let point = cloud.points[i as usize];
@@ -186,7 +191,19 @@ fn write_chunk(out: &mut Vec<u8>, cloud: &PointCloud, header: &Header, chunk: &[
             out.extend(octahedral(cloud.normals[i as usize]).map(i8::cast_unsigned));
         }
     }
+    if header.has_deviations {
+        out.extend(chunk.iter().map(|&i| deviation_step(model.deviations_metres[i as usize])));
+    }
     out.resize(start + (out.len() - start).next_multiple_of(4), 0);
+}
+
+/// A deviation as a byte.
+fn deviation_step(deviation_metres: f32) -> u8 {
+    if deviation_metres == INVENTED {
+        INVENTED_STEP
+    } else {
+        (deviation_metres / DEVIATION_STEP_METRES).round().clamp(0.0, f32::from(INVENTED_STEP - 1)) as u8
+    }
 }
 
 fn quantised(value: f32, min: f32, max: f32) -> u16 {
@@ -217,8 +234,9 @@ pub fn from_octahedral([u, v]: [i8; 2]) -> [f32; 3] {
     [x / length, y / length, z / length]
 }
 
-fn chunk_bytes(n: usize, has_normals: bool) -> usize {
-    (n * if has_normals { 11 } else { 9 }).next_multiple_of(4)
+fn chunk_bytes(n: usize, header: &Header) -> usize {
+    let per_point = 9 + 2 * usize::from(header.has_normals) + usize::from(header.has_deviations);
+    (n * per_point).next_multiple_of(4)
 }
 
 fn take<'a>(rest: &mut &'a [u8], n: usize) -> Result<&'a [u8], StreamError> {
@@ -248,7 +266,8 @@ fn read_header(mut bytes: &[u8]) -> Result<(Header, &[u8]), StreamError> {
     Ok((header, bytes))
 }
 
-fn read_chunk(chunk: &[u8], n: usize, header: &Header, cloud: &mut PointCloud) {
+fn read_chunk(chunk: &[u8], n: usize, header: &Header, mesh: &mut Mesh) {
+    let cloud = &mut mesh.vertices;
     let (positions, after) = chunk.split_at(6 * n);
     let (colors, after) = after.split_at(3 * n);
     for p in positions.chunks_exact(6) {
@@ -259,15 +278,22 @@ fn read_chunk(chunk: &[u8], n: usize, header: &Header, cloud: &mut PointCloud) {
         }));
     }
     cloud.colors.extend(colors.chunks_exact(3).map(|c| [c[0], c[1], c[2]]));
-    if header.has_normals {
-        let pairs = after[..2 * n].chunks_exact(2);
-        cloud.normals.extend(pairs.map(|c| from_octahedral([c[0].cast_signed(), c[1].cast_signed()])));
+    let (pairs, after) = after.split_at(if header.has_normals { 2 * n } else { 0 });
+    let directions = pairs.chunks_exact(2).map(|c| from_octahedral([c[0].cast_signed(), c[1].cast_signed()]));
+    cloud.normals.extend(directions);
+    if header.has_deviations {
+        let metres = |&step: &u8| match step {
+            INVENTED_STEP => INVENTED,
+            step => f32::from(step) * DEVIATION_STEP_METRES,
+        };
+        mesh.deviations_metres.extend(after[..n].iter().map(metres));
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cloud::PointCloud;
     use proptest::prelude::*;
 
     fn random_cloud(n: usize, seed: u64, with_normals: bool) -> PointCloud {
@@ -317,7 +343,7 @@ mod tests {
         fn points_come_back(n in 1usize..10_000, seed: u64, with_normals: bool) {
             let cloud = random_cloud(n, seed, with_normals);
             let order = even_order(&cloud.points);
-            let (header, back) = decode(&encode(&Mesh { vertices: cloud.clone(), triangles: vec![] }).unwrap()).unwrap();
+            let (header, back) = decode(&encode(&Mesh::of_points(cloud.clone())).unwrap()).unwrap();
             prop_assert_eq!(header.kind, "points");
             prop_assert_eq!(back.vertices.has_normals(), with_normals);
             for (k, &i) in order.iter().enumerate() {
@@ -346,15 +372,21 @@ mod tests {
     }
 
     #[test]
-    fn a_mesh_keeps_its_order() {
+    fn a_mesh_comes_back_in_an_even_order() {
         let vertices = random_cloud(5000, 7, true);
         let triangles = vec![[0, 1, 2], [4999, 3, 1]];
-        let mesh = Mesh { vertices, triangles };
+        let mut deviations_metres = vec![0.0003; 5000];
+        deviations_metres[4999] = INVENTED;
+        let mesh = Mesh { vertices, triangles, deviations_metres };
         let bytes = encode(&mesh).unwrap();
         let (header, back) = decode(&bytes).unwrap();
         assert_eq!((header.kind.as_str(), header.triangles), ("mesh", 2));
-        assert_eq!(back.triangles, mesh.triangles);
-        assert_eq!(back.vertices.colors, mesh.vertices.colors);
+        let order = order_of(&mesh);
+        let named = |m: &Mesh, t: usize| m.triangles[t].map(|i| m.vertices.colors[i as usize]);
+        assert!((0..2).all(|t| named(&back, t) == named(&mesh, t)));
+        assert!(back.is_invented(order.iter().position(|&i| i == 4999).unwrap()));
+        assert_eq!(back.deviations_metres.iter().filter(|d| **d == INVENTED).count(), 1);
+        assert!(back.deviations_metres.iter().all(|d| *d == INVENTED || (d - 0.0003).abs() < 1e-6));
         assert_eq!(decode(&bytes[..bytes.len() - 1]), Err(StreamError::Malformed("cut off")));
     }
 
@@ -362,8 +394,11 @@ mod tests {
     fn what_cannot_be_shown_is_refused() {
         assert_eq!(encode(&Mesh::default()), Err(StreamError::Empty));
         let vertices = PointCloud { points: vec![[0.0, f32::NAN, 0.0]], ..PointCloud::default() };
-        assert_eq!(encode(&Mesh { vertices, triangles: vec![] }), Err(StreamError::NotFinite(0)));
+        assert_eq!(encode(&Mesh::of_points(vertices)), Err(StreamError::NotFinite(0)));
         let vertices = PointCloud { points: vec![[0.0; 3]], ..PointCloud::default() };
-        assert_eq!(encode(&Mesh { vertices, triangles: vec![[0, 0, 1]] }), Err(StreamError::BadTriangle(0)));
+        assert_eq!(
+            encode(&Mesh { vertices, triangles: vec![[0, 0, 1]], ..Mesh::default() }),
+            Err(StreamError::BadTriangle(0))
+        );
     }
 }

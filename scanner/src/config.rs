@@ -7,6 +7,7 @@ use reconstruct::fuse::FuseConfig;
 use reconstruct::marker::{DetectConfig, PoseConfig};
 use reconstruct::refine::RefineConfig;
 use reconstruct::segment::SegmentConfig;
+use reconstruct::surface::SurfaceConfig;
 
 /// Which way the views are brought together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
@@ -43,4 +44,6 @@ pub struct Config {
     pub depth_prior: Option<CalibrationPrior>,
     /// Fusion.
     pub fuse: FuseConfig,
+    /// Surface.
+    pub surface: SurfaceConfig,
 }

@@ -15,9 +15,10 @@ pub mod source_chain;
 pub mod stages;
 pub mod unit;
 
-use reconstruct::cloud::PointCloud;
 use reconstruct::fuse;
+use reconstruct::mesh::Mesh;
 use reconstruct::report::Report;
+use reconstruct::surface::{self, Surface};
 
 use crate::config::{Config, Method};
 use crate::recording::RecordingError;
@@ -28,8 +29,9 @@ use stages::Stages;
 /// A built model, or the report that says why there is none.
 #[derive(Debug, Clone)]
 pub struct Scan {
-    /// The product's points with colours and normals, world frame, metres; empty where nothing could be built.
-    pub cloud: PointCloud,
+    /// The product's surface with colours, normals and deviations, world frame, metres; empty where nothing could be built,
+    /// points alone by the source's own method.
+    pub model: Mesh,
     /// What is said about it.
     pub report: Report,
 }
@@ -52,16 +54,21 @@ pub fn build(source: &dyn ViewSource, config: &Config, ui: &Ui) -> Result<Scan, 
     } else {
         stages.run("place", |_| free::place_by_surfaces(&mut scan, config))?;
     }
-    let (cloud, source_report) = match config.method {
+    let (surface, source_report) = match config.method {
         Method::Joint => {
             stages.run("align", |_| align::refine_together(&mut scan, config))?;
-            (stages.run("fuse", |_| fuse::fuse(&scan.placed_views(), &config.fuse))?, None)
+            let views = scan.placed_views();
+            let fused = stages.run("fuse", |_| fuse::fuse(&views, &config.fuse))?;
+            let make = || surface::surface(&fused, &views, scan.up_is_known, &config.surface);
+            (stages.run("surface", |_| make())?, None)
         }
         Method::Source => {
-            stages.run("source chain", |_| source_chain::register_as_the_source(&mut scan, config.seed))?
+            let (cloud, report) = stages
+                .run("source chain", |_| source_chain::register_as_the_source(&mut scan, config.seed))?;
+            (Surface { mesh: Mesh::of_points(cloud), holes: Vec::new() }, report)
         }
     };
-    let (cloud, mut report) = outcome::judge(&scan, cloud, config, stages.timings());
+    let (model, mut report) = outcome::judge(&scan, surface, config, stages.timings());
     report.source_chain = source_report;
-    Ok(Scan { cloud, report })
+    Ok(Scan { model, report })
 }

@@ -45,7 +45,7 @@ fn write_model(dir: &OutputDir, mesh: &Mesh) -> Result<(), OutputError> {
 }
 
 fn write_asc(dir: &OutputDir, mesh: &Mesh) -> Result<(), OutputError> {
-    dir.write_with("model.asc", |file| asc::write(&mesh.vertices, file))
+    dir.write_with("model.asc", |file| asc::write(&mesh.measured(), file))
 }
 
 fn write_ply(dir: &OutputDir, mesh: &Mesh) -> Result<(), OutputError> {

@@ -154,6 +154,7 @@ impl Simulator {
             mesh: Mesh {
                 vertices: self.mesh.vertices.transformed(&self.world_from_product),
                 triangles: self.mesh.triangles.clone(),
+                ..Mesh::default()
             },
             knocked: self.spec.knock,
         }

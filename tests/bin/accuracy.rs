@@ -99,7 +99,7 @@ fn judge(scan: &SimulatedScan, built: &pipeline::Scan, simulate_ms: u128, build_
     poses.sort_by(|a, b| a.metres.total_cmp(&b.metres));
     let millimetres: Vec<f32> = poses.iter().map(|p| (p.metres * 1000.0) as f32).collect();
     let errors = Surface::of(&scan.truth.mesh)
-        .map_or_else(Vec::new, |surface| surface_errors(&surface, &built.cloud.points));
+        .map_or_else(Vec::new, |surface| surface_errors(&surface, &built.model.measured().points));
     let outliers = errors.iter().filter(|&&e| e > OUTLIER).count();
     let (pose_max, surface_median) = (percentile(&millimetres, 1.0), percentile(&errors, 0.5) * 1000.0);
     let reasons =

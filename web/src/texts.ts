@@ -124,6 +124,7 @@ export const texts = {
     fullScreen: "Full screen",
     noFullScreen: "This browser does not allow full screen here.",
     pointSize: "Point size",
+    invented: "Striped surface was not measured: it closes small holes and the side the thing stands on.",
     help: "Drag to turn, scroll or pinch to zoom, drag with the right button or two fingers to move.",
     keysTitle: "Keyboard",
     keys: "Arrow keys turn, Shift + arrows move, + and − zoom, Home resets, F is full screen. Double-click a spot to centre it.",

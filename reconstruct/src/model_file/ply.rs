@@ -13,7 +13,7 @@ use values::{Ascii, Binary, Values};
 
 use super::{Limits, ModelError, check_indices, checked_point, unit_normals};
 use crate::cloud::PointCloud;
-use crate::mesh::Mesh;
+use crate::mesh::{INVENTED, Mesh};
 
 const FORMAT: &str = "PLY";
 /// Largest polygon that is split into triangles.
@@ -42,7 +42,9 @@ fn read_elements(header: &Header, values: &mut impl Values, limits: &Limits) -> 
     let mut mesh = Mesh::default();
     for element in &header.elements {
         match element.name.as_str() {
-            "vertex" if mesh.vertices.is_empty() => mesh.vertices = read_vertices(element, values)?,
+            "vertex" if mesh.vertices.is_empty() => {
+                (mesh.vertices, mesh.deviations_metres) = read_vertices(element, values)?;
+            }
             "face" if mesh.triangles.is_empty() => mesh.triangles = read_faces(element, values, limits)?,
             _ => skip_element(element, values)?,
         }
@@ -56,6 +58,7 @@ enum Slot {
     Position(usize),
     Normal(usize),
     Color(usize),
+    Deviation,
     Other,
 }
 
@@ -70,11 +73,13 @@ fn slot(name: &str) -> Slot {
         "red" | "r" | "diffuse_red" => Slot::Color(0),
         "green" | "g" | "diffuse_green" => Slot::Color(1),
         "blue" | "b" | "diffuse_blue" => Slot::Color(2),
+        "deviation" => Slot::Deviation,
         _ => Slot::Other,
     }
 }
 
-fn read_vertices(element: &Element, values: &mut impl Values) -> Result<PointCloud, ModelError> {
+/// The vertices, and their deviations where the file has them.
+fn read_vertices(element: &Element, values: &mut impl Values) -> Result<(PointCloud, Vec<f32>), ModelError> {
     const READING: &str = "reading the vertices";
     let slots: Vec<Slot> = element.properties.iter().map(|property| slot(&property.name)).collect();
     let has = |slot: Slot| element.properties.iter().zip(&slots).any(|(p, s)| *s == slot && p.list.is_none());
@@ -84,10 +89,12 @@ fn read_vertices(element: &Element, values: &mut impl Values) -> Result<PointClo
     }
     let (has_normals, has_colors) =
         ((0..3).all(|k| has(Slot::Normal(k))), (0..3).all(|k| has(Slot::Color(k))));
+    let has_deviations = has(Slot::Deviation);
+    let mut deviations = Vec::new();
     let mut cloud = PointCloud::default();
     cloud.points.reserve(RESERVED_ROWS.min(element.count as usize));
     for row in 0..element.count {
-        let (mut point, mut normal, mut color) = ([0.0; 3], [0.0; 3], [0; 3]);
+        let (mut point, mut normal, mut color, mut deviation) = ([0.0; 3], [0.0; 3], [0; 3], 0.0);
         for (property, slot) in element.properties.iter().zip(&slots) {
             if property.list.is_some() {
                 skip_property(property, values, READING)?;
@@ -98,6 +105,7 @@ fn read_vertices(element: &Element, values: &mut impl Values) -> Result<PointClo
                 Slot::Position(k) => point[k] = value as f32,
                 Slot::Normal(k) => normal[k] = value as f32,
                 Slot::Color(k) => color[k] = color_of(value, property.scalar),
+                Slot::Deviation => deviation = value as f32,
                 Slot::Other => {}
             }
         }
@@ -108,9 +116,15 @@ fn read_vertices(element: &Element, values: &mut impl Values) -> Result<PointClo
         if has_colors {
             cloud.colors.push(color);
         }
+        if has_deviations {
+            deviations.push(if deviation < 0.0 { INVENTED } else { deviation });
+        }
+    }
+    if deviations.iter().any(|d| d.is_nan()) {
+        deviations.clear();
     }
     cloud.normals = unit_normals(cloud.normals);
-    Ok(cloud)
+    Ok((cloud, deviations))
 }
 
 /// Real colours run from 0 to 1, 16-bit ones to 65535, all others to 255.
@@ -206,12 +220,14 @@ fn skip_element(element: &Element, values: &mut impl Values) -> Result<(), Model
     Ok(())
 }
 
-/// Writes binary little-endian: position, normal and colour where there are such, faces where there are any.
+/// Writes binary little-endian: position, normal, colour and deviation (metres; negative where the vertex was invented)
+/// where there are such, faces where there are any.
 pub fn write(mesh: &Mesh, mut writer: impl Write) -> std::io::Result<()> {
     let vertices = &mesh.vertices;
     let (normals, colors) = (vertices.has_normals(), vertices.has_colors());
     writer.write_all(header_text(mesh).as_bytes())?;
-    let mut row = Vec::with_capacity(27);
+    let deviations = mesh.has_deviations();
+    let mut row = Vec::with_capacity(31);
     for (i, point) in vertices.points.iter().enumerate() {
         row.clear();
         row.extend(point.iter().flat_map(|v| v.to_le_bytes()));
@@ -220,6 +236,10 @@ pub fn write(mesh: &Mesh, mut writer: impl Write) -> std::io::Result<()> {
         }
         if colors {
             row.extend(vertices.colors[i]);
+        }
+        if deviations {
+            let deviation = mesh.deviations_metres[i];
+            row.extend(if deviation == INVENTED { -1.0 } else { deviation }.to_le_bytes());
         }
         writer.write_all(&row)?;
     }
@@ -248,6 +268,9 @@ fn header_text(mesh: &Mesh) -> String {
     }
     if mesh.vertices.has_colors() {
         properties("uchar", ["red", "green", "blue"]);
+    }
+    if mesh.has_deviations() {
+        lines.push("property float deviation".to_owned());
     }
     if !mesh.triangles.is_empty() {
         lines.push(format!("element face {}", mesh.triangles.len()));

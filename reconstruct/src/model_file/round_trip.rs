@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::{Kind, Limits, asc, glb, pcd, ply, read};
 use crate::cloud::PointCloud;
-use crate::mesh::Mesh;
+use crate::mesh::{INVENTED, Mesh};
 
 /// Some attributes, some triangles; normals of unit length.
 fn meshes() -> impl Strategy<Value = Mesh> {
@@ -23,7 +23,12 @@ fn meshes() -> impl Strategy<Value = Mesh> {
             colors: if colors { vertices.iter().map(|v| v.1).collect() } else { Vec::new() },
             normals: if normals { vertices.iter().map(|v| unit(v.2)).collect() } else { Vec::new() },
         };
-        Mesh { vertices: cloud, triangles: triangles.iter().map(|t| t.map(|i| i % count)).collect() }
+        let deviation = |v: &([f32; 3], [u8; 3], [f32; 3])| if v.1[0] > 200 { INVENTED } else { v.2[0].abs() };
+        Mesh {
+            vertices: cloud,
+            triangles: triangles.iter().map(|t| t.map(|i| i % count)).collect(),
+            deviations_metres: if colors { vertices.iter().map(deviation).collect() } else { Vec::new() },
+        }
     })
 }
 
@@ -52,6 +57,7 @@ proptest! {
         prop_assert_eq!(Kind::sniff(&bytes), Some(Kind::Ply));
         prop_assert_eq!(&back.vertices.points, &mesh.vertices.points);
         prop_assert_eq!(&back.vertices.colors, &mesh.vertices.colors);
+        prop_assert_eq!(&back.deviations_metres, &mesh.deviations_metres);
         prop_assert!(close(&back.vertices.normals, &mesh.vertices.normals, 1e-6));
         prop_assert_eq!(back.triangles, mesh.triangles);
     }

@@ -13,7 +13,7 @@ fn sphere(count: usize) -> Mesh {
     let normals: Vec<[f32; 3]> = (0..count).map(on_sphere).collect();
     let points = normals.iter().map(|n| [n[0] * 0.1, n[1] * 0.1, n[2] * 0.1 + 0.1]).collect();
     let colors = normals.iter().map(|n| if n[0] > 0.0 { [200, 30, 30] } else { [30, 30, 200] }).collect();
-    Mesh { vertices: PointCloud { points, colors, normals }, triangles: Vec::new() }
+    Mesh { vertices: PointCloud { points, colors, normals }, triangles: Vec::new(), ..Mesh::default() }
 }
 
 fn config() -> PosterConfig {
@@ -67,7 +67,7 @@ fn triangles_are_filled() {
     let points = vec![[-0.1, 0.0, 0.0], [0.1, 0.0, 0.0], [0.1, 0.0, 0.2], [-0.1, 0.0, 0.2]];
     let colors = vec![[20, 160, 40]; 4];
     let vertices = PointCloud { points, colors, normals: Vec::new() };
-    let mesh = Mesh { vertices, triangles: vec![[0, 1, 2], [0, 2, 3]] };
+    let mesh = Mesh { vertices, triangles: vec![[0, 1, 2], [0, 2, 3]], ..Mesh::default() };
     let picture = draw(&mesh, &config());
     let painted = picture.data.iter().filter(|p| is_product(**p)).count();
     assert!((12_000..18_000).contains(&painted), "{painted} pixels");
@@ -88,18 +88,18 @@ fn odd_models_are_drawn_too() {
     assert!(empty.data.iter().all(|&p| p == config().background));
     for points in [vec![[0.5; 3]], vec![[0.0; 3]; 20], vec![[1e6, -1e6, 0.0], [-1e6, 1e6, 1.0]]] {
         let vertices = PointCloud { points, ..PointCloud::default() };
-        let picture = draw(&Mesh { vertices, triangles: vec![[0, 0, 9]] }, &config());
+        let picture = draw(&Mesh { vertices, triangles: vec![[0, 0, 9]], ..Mesh::default() }, &config());
         assert_eq!(picture.data.len(), 160 * 160);
     }
     let vertices = PointCloud { points: vec![[0.5; 3]], ..PointCloud::default() };
-    draw(&Mesh { vertices, triangles: Vec::new() }, &PosterConfig { width: 0, ..config() });
+    draw(&Mesh::of_points(vertices), &PosterConfig { width: 0, ..config() });
 }
 
 #[test]
 fn what_was_seen_from_one_side_is_drawn_from_there() {
     let facing = |normals: Vec<[f32; 3]>| {
         let vertices = PointCloud { points: vec![[0.0; 3]; normals.len()], colors: vec![], normals };
-        PosterConfig::facing(&Mesh { vertices, triangles: vec![] })
+        PosterConfig::facing(&Mesh::of_points(vertices))
     };
     let all_round = facing(vec![[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]);
     assert_eq!(all_round, PosterConfig::default());

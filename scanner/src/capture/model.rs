@@ -5,7 +5,6 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use reconstruct::cloud::PointCloud;
 use reconstruct::mesh::Mesh;
 use reconstruct::report::Report;
 use reconstruct::stream::{self, StreamError};
@@ -18,11 +17,11 @@ use crate::result;
 /// Removals that can be taken back.
 const MOST_UNDO: usize = 50;
 
-/// One state of the model's points.
+/// One state of the model.
 #[derive(Debug)]
 pub struct Shape {
-    cloud: PointCloud,
-    /// Index in the cloud of every point of the stream.
+    mesh: Mesh,
+    /// Index in the mesh of every point of the stream.
     order: Vec<u32>,
     /// The viewer's stream.
     pub stream: Vec<u8>,
@@ -46,31 +45,30 @@ pub enum RemoveError {
 }
 
 impl Shape {
-    /// Of a built cloud.
-    pub fn new(cloud: PointCloud) -> Result<Self, StreamError> {
-        let order = stream::even_order(&cloud.points);
-        let mesh = Mesh { vertices: cloud, triangles: Vec::new() };
+    /// Of a built model.
+    pub fn new(mesh: Mesh) -> Result<Self, StreamError> {
+        let order = stream::order_of(&mesh);
         let stream = stream::encode(&mesh)?;
-        Ok(Self { cloud: mesh.vertices, order, stream })
+        Ok(Self { mesh, order, stream })
     }
 
     /// Without the points at these places of the stream.
     pub fn without(&self, places: &[u32]) -> Result<Self, RemoveError> {
-        let mut keep = vec![true; self.cloud.len()];
+        let mut keep = vec![true; self.mesh.vertices.len()];
         for &place in places {
             let index = self.order.get(place as usize).ok_or(RemoveError::NoSuchPoint(place))?;
             keep[*index as usize] = false;
         }
-        let left: Vec<usize> = (0..keep.len()).filter(|&i| keep[i]).collect();
-        if left.is_empty() {
+        let left = self.mesh.select(&keep).without_loose_vertices();
+        if left.vertices.is_empty() {
             return Err(RemoveError::NothingLeft);
         }
-        Ok(Self::new(self.cloud.select(&left))?)
+        Ok(Self::new(left)?)
     }
 
     /// Number of points.
     pub fn points(&self) -> usize {
-        self.cloud.len()
+        self.mesh.vertices.len()
     }
 }
 
@@ -163,7 +161,7 @@ fn edited(report: &Report, shape: &Shape, removed: usize) -> Report {
     if removed == 0 {
         return report.clone();
     }
-    let mut report = outcome::measured_again(report, &shape.cloud);
+    let mut report = outcome::measured_again(report, &shape.mesh);
     report.warnings.push(format!("edited: {removed} points removed"));
     report
 }
@@ -196,8 +194,7 @@ impl Edition {
         if written.is_some_and(|version| version >= self.version) {
             return Ok(());
         }
-        let mesh = Mesh { vertices: self.shape.cloud.clone(), triangles: Vec::new() };
-        result::write(&self.files.folder, &mesh, &self.report)?;
+        result::write(&self.files.folder, &self.shape.mesh, &self.report)?;
         *written = Some(self.version);
         Ok(())
     }
@@ -205,6 +202,7 @@ impl Edition {
 
 #[cfg(test)]
 mod tests {
+    use reconstruct::cloud::PointCloud;
     use reconstruct::report::{CalibrationReport, Verdict};
 
     use super::*;
@@ -216,6 +214,7 @@ mod tests {
             points,
             dimensions_m: None,
             dimensions_uncertainty_m: None,
+            surface: None,
             depth_calibration: CalibrationReport::default(),
             warnings: vec!["first".into()],
             verdict: Verdict::Good,
@@ -227,9 +226,10 @@ mod tests {
     }
 
     /// A line of points whose x tells them apart.
-    fn cloud(count: usize) -> PointCloud {
+    fn cloud(count: usize) -> Mesh {
         let points: Vec<[f32; 3]> = (0..count).map(|i| [i as f32 * 0.001, 0.0, 0.02]).collect();
-        PointCloud { colors: vec![[9; 3]; count], normals: vec![[0.0, 0.0, 1.0]; count], points }
+        let colors = vec![[9; 3]; count];
+        Mesh::of_points(PointCloud { colors, normals: vec![[0.0, 0.0, 1.0]; count], points })
     }
 
     fn streamed(shape: &Shape) -> Vec<i32> {

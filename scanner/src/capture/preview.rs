@@ -121,7 +121,7 @@ pub fn of_view(
 pub fn merged<'a>(clouds: impl Iterator<Item = &'a PointCloud>) -> Option<(Vec<u8>, usize)> {
     let mut all = PointCloud::default();
     clouds.filter(|cloud| !cloud.is_empty()).for_each(|cloud| all.append(cloud));
-    let mesh = Mesh { vertices: thinned(&all), triangles: Vec::new() };
+    let mesh = Mesh::of_points(thinned(&all));
     let bytes = stream::encode(&mesh).ok()?;
     Some((bytes, mesh.vertices.len()))
 }

@@ -3,7 +3,6 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use reconstruct::mesh::Mesh;
 use reconstruct::register::source_chain::SourceReport;
 use reconstruct::report::{Report, Verdict, ViewReport};
 use serde_json::json;
@@ -65,9 +64,8 @@ pub fn run(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
     let (method, no_board, seed) = (args.method, args.no_board, args.seed);
     let config = Config { method, no_board, seed, depth_prior, ..Config::default() };
     let scan = pipeline::build(&recording, &config, ui)?;
-    let mesh = Mesh { vertices: scan.cloud, triangles: Vec::new() };
     let writing = ui.stage("write", 1);
-    result::write(&args.out, &mesh, &scan.report)?;
+    result::write(&args.out, &scan.model, &scan.report)?;
     writing.done();
     scan.report.views.iter().filter(|v| v.used).for_each(|view| ui.detail(&view_in_words(view)));
     for warning in &scan.report.warnings {
@@ -75,7 +73,7 @@ pub fn run(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
     }
     let machine = json!({"out": args.out, "report": scan.report});
     ui.result(&words(&scan.report, &args.out.display().to_string()), &machine);
-    Ok(if mesh.vertices.is_empty() { NO_GOOD_SCAN } else { DONE })
+    Ok(if scan.model.vertices.is_empty() { NO_GOOD_SCAN } else { DONE })
 }
 
 /// What is known of a used view, for the curious.

@@ -1,9 +1,11 @@
 //! Last stage: the result is measured and judged in words.
 
-use reconstruct::cloud::PointCloud;
 use reconstruct::measure::{Dimensions, dimensions};
+use reconstruct::mesh::Mesh;
 use reconstruct::pose;
+use reconstruct::report::surface::describe;
 use reconstruct::report::{CalibrationReport, LeftOut, Report, Verdict, ViewReport};
+use reconstruct::surface::Surface;
 use serde_json::{Map, Value};
 
 use super::load::{View, Work};
@@ -14,16 +16,17 @@ const MIN_POINTS: usize = 500;
 /// Relative uncertainty of the printed board: paper and printer.
 const PRINT_SCALE_SD: f64 = 0.0015;
 
-/// Measures the cloud and writes the report; a scan that cannot be right comes back without points.
+/// Measures the model and writes the report; a scan that cannot be right comes back without points.
 pub fn judge(
     scan: &Work,
-    cloud: PointCloud,
+    surface: Surface,
     config: &Config,
     timings_ms: Map<String, Value>,
-) -> (PointCloud, Report) {
+) -> (Mesh, Report) {
     let mut warnings = scan.warnings.clone();
-    let failure = scan.failure.clone().or_else(|| no_agreement(scan)).or_else(|| too_little(&cloud));
-    let cloud = if failure.is_some() { PointCloud::default() } else { cloud };
+    let failure = scan.failure.clone().or_else(|| no_agreement(scan)).or_else(|| too_little(&surface.mesh));
+    let surface = if failure.is_some() { Surface::default() } else { surface };
+    let cloud = surface.mesh.measured();
     let scale_sd = scale_sd(scan.calibration.standard_deviations[0]);
     let size = dimensions(&cloud, scale_sd, scan.up_is_known);
     let left_out = scan.views.iter().filter(|v| !v.is_used()).count();
@@ -43,6 +46,7 @@ pub fn judge(
         points: cloud.len(),
         dimensions_m: size.map(|s| s.metres.map(|v| round(v, 1e5))),
         dimensions_uncertainty_m: size.map(|s| s.uncertainty_metres.map(|v| round(v, 1e5))),
+        surface: (!surface.mesh.triangles.is_empty()).then(|| describe(&surface)),
         depth_calibration: calibration_report(scan, config),
         warnings,
         verdict,
@@ -51,16 +55,19 @@ pub fn judge(
         software: env!("CARGO_PKG_VERSION").to_owned(),
         source_chain: None,
     };
-    (cloud, report)
+    (surface.mesh, report)
 }
 
-/// The report of a model on a board of which only the points of `cloud` are left.
-pub fn measured_again(report: &Report, cloud: &PointCloud) -> Report {
-    let size = dimensions(cloud, scale_sd(report.depth_calibration.scale_sd), true);
+/// The report of a model on a board of which only this is left; holes that were cut by hand are nobody's news.
+pub fn measured_again(report: &Report, model: &Mesh) -> Report {
+    let cloud = model.measured();
+    let surface = |holes| describe(&Surface { mesh: model.clone(), holes });
+    let size = dimensions(&cloud, scale_sd(report.depth_calibration.scale_sd), true);
     Report {
         points: cloud.len(),
         dimensions_m: size.map(|s| s.metres.map(|v| round(v, 1e5))),
         dimensions_uncertainty_m: size.map(|s| s.uncertainty_metres.map(|v| round(v, 1e5))),
+        surface: report.surface.as_ref().map(|s| surface(s.holes.clone())),
         ..report.clone()
     }
 }
@@ -78,9 +85,9 @@ fn no_agreement(scan: &Work) -> Option<String> {
     (off > used).then(|| why.to_owned())
 }
 
-fn too_little(cloud: &PointCloud) -> Option<String> {
+fn too_little(model: &Mesh) -> Option<String> {
     let why = "hardly any surface was measured: dark, shiny and transparent things give no depth; try more light, a nearer camera (0.6 to 0.9 m) or a dusting of powder";
-    (cloud.len() < MIN_POINTS).then(|| why.to_owned())
+    (model.vertices.len() < MIN_POINTS).then(|| why.to_owned())
 }
 
 fn implausible_size(size: &Dimensions) -> Option<String> {

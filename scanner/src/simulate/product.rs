@@ -154,7 +154,7 @@ impl Product {
         let colors =
             net.vertices.par_iter().map(|&p| self.color(p).map(|c| (c * 255.0 + 0.5) as u8)).collect();
         let points = net.vertices.iter().map(|p| (*p).into()).collect();
-        Mesh { vertices: PointCloud { points, colors, normals }, triangles: net.triangles }
+        Mesh { vertices: PointCloud { points, colors, normals }, triangles: net.triangles, ..Mesh::default() }
     }
 }
 

@@ -209,7 +209,7 @@ mod tests {
     fn the_nearest_part_may_be_face_edge_or_corner() {
         let points = vec![[0.0; 3], [0.01, 0.0, 0.0], [0.0, 0.01, 0.0]];
         let vertices = PointCloud { points, ..PointCloud::default() };
-        let surface = Surface::of(&Mesh { vertices, triangles: vec![[0, 1, 2]] }).unwrap();
+        let surface = Surface::of(&Mesh { vertices, triangles: vec![[0, 1, 2]], ..Mesh::default() }).unwrap();
         for (p, expected) in [
             ([0.002, 0.002, 0.003], 0.003),
             ([-0.003, -0.004, 0.0], 0.005),

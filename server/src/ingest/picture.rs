@@ -174,7 +174,7 @@ pub(super) fn of_model(mesh: &Mesh) -> Result<Pictures> {
     let mut order = stream::even_order(&mesh.vertices.points);
     order.truncate(DRAWN_POINTS);
     let indices: Vec<usize> = order.into_iter().map(|i| i as usize).collect();
-    let points = Mesh { vertices: mesh.vertices.select(&indices), triangles: Vec::new() };
+    let points = Mesh::of_points(mesh.vertices.select(&indices));
     encode_both(&poster::draw(&points, &config))
 }
 
@@ -220,10 +220,15 @@ mod tests {
     fn models_made_to_keep_us_busy_are_drawn_all_the_same() {
         let corners = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.5]];
         let same = PointCloud { points: [vec![[0.5; 3]; 5000], corners].concat(), ..PointCloud::default() };
-        of_model(&Mesh { vertices: same.clone(), triangles: vec![[5000, 5001, 5002]; 200_000] }).unwrap();
-        of_model(&Mesh { vertices: same, triangles: vec![] }).unwrap();
+        of_model(&Mesh {
+            vertices: same.clone(),
+            triangles: vec![[5000, 5001, 5002]; 200_000],
+            ..Mesh::default()
+        })
+        .unwrap();
+        of_model(&Mesh::of_points(same)).unwrap();
         let one_place = PointCloud { points: vec![[0.5; 3]; 5000], ..PointCloud::default() };
-        of_model(&Mesh { vertices: one_place, triangles: vec![] }).unwrap();
+        of_model(&Mesh::of_points(one_place)).unwrap();
     }
 
     #[test]

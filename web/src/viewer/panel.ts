@@ -14,6 +14,8 @@ export interface Panel {
   say(text: string): void;
   onPointScale(listener: (scale: number) => void): void;
   hidePointSize(): void;
+  /** Explains the stripes of surface that nobody measured. */
+  showInvented(isThere: boolean): void;
 }
 
 export function makePanel(actions: ControlActions): Panel {
@@ -35,8 +37,9 @@ export function makePanel(actions: ControlActions): Panel {
     sizeField,
   );
   const help = h("p", { class: "viewer-help", id: helpId }, t.help);
+  const invented = h("p", { class: "viewer-invented", hidden: true }, t.invented);
   const keys = h("details", { class: "viewer-keys" }, h("summary", {}, t.keysTitle), h("p", {}, t.keys));
-  const element = h("div", { class: "viewer-panel" }, progress, message, tools, help, keys, live);
+  const element = h("div", { class: "viewer-panel" }, progress, message, tools, invented, help, keys, live);
 
   return {
     element,
@@ -57,6 +60,9 @@ export function makePanel(actions: ControlActions): Panel {
     },
     onPointScale(listener) {
       size.addEventListener("input", () => listener(2 ** Number(size.value)));
+    },
+    showInvented(isThere) {
+      invented.hidden = !isThere;
     },
     hidePointSize() {
       sizeField.hidden = true;

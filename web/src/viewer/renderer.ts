@@ -28,10 +28,9 @@ export class Renderer {
   readonly #gl: WebGLRenderer;
   readonly #scene = new Scene();
   readonly #camera = new PerspectiveCamera((FIELD_OF_VIEW * 180) / Math.PI);
-  readonly #geometry = new BufferGeometry();
-  readonly #material: ShaderMaterial;
-  readonly #isMesh: boolean;
-  readonly #object: Points | Mesh;
+  // The same arrays twice: points are drawn in their order, triangles by their indices.
+  readonly #points = new Points(new BufferGeometry(), material(POINT_VERTEX, POINT_FRAGMENT));
+  readonly #mesh = new Mesh(new BufferGeometry(), material(MESH_VERTEX, MESH_FRAGMENT));
   #bounds: Bounds;
   #surface = 0;
   #uploadedPoints = 0;
@@ -45,37 +44,43 @@ export class Renderer {
   ) {
     this.#gl = new WebGLRenderer({ canvas, context });
     this.#bounds = header;
-    this.#isMesh = header.kind === "mesh";
     // Part of the scene, not of the context: it survives the context's loss.
     this.#scene.background = new Color(BACKDROP);
-    this.#material = this.#makeMaterial();
-    this.#object = this.#makeObject();
     this.useModel(header, model);
-    this.#scene.add(this.#object);
+    for (const object of [this.#points, this.#mesh]) {
+      // Three.js would work out a bounding sphere from the quantised numbers.
+      object.frustumCulled = false;
+      this.#scene.add(object);
+    }
     this.#camera.matrixAutoUpdate = false;
   }
 
-  /** Draws from these arrays from now on; they may still be filling up. Points stay points, and a mesh a mesh. */
+  /** Draws from these arrays from now on; they may still be filling up. */
   useModel(header: StreamHeader, { positions, colors, normals, indices }: Model): void {
-    const geometry = this.#geometry;
-    geometry.dispose();
     this.#uploadedPoints = 0;
     this.#bounds = header;
     this.#surface = roughSurface(header);
-    this.#object.position.set(...header.min);
-    this.#object.scale.set(...sub(header.max, header.min));
-    this.#setUniform("hasNormals", header.hasNormals ? 1 : 0);
-    geometry.setAttribute("position", new BufferAttribute(positions, LANES, true));
-    geometry.setAttribute("color", new BufferAttribute(colors, LANES, true));
-    if (normals.length > 0) geometry.setAttribute("direction", new BufferAttribute(normals, LANES, true));
-    else geometry.deleteAttribute("direction");
-    if (this.#isMesh) geometry.setIndex(new BufferAttribute(indices, 1));
+    const attributes = { position: positions, color: colors, direction: normals };
+    const buffers = Object.entries(attributes).map(
+      ([name, array]) => [name, new BufferAttribute(array, LANES, true)] as const,
+    );
+    for (const { position, scale, geometry, material } of [this.#points, this.#mesh]) {
+      geometry.dispose();
+      position.set(...header.min);
+      scale.set(...sub(header.max, header.min));
+      setUniform(material, "hasNormals", header.hasNormals ? 1 : 0);
+      for (const [name, buffer] of buffers) {
+        if (buffer.array.length > 0) geometry.setAttribute(name, buffer);
+        else geometry.deleteAttribute(name);
+      }
+    }
+    this.#mesh.geometry.setIndex(new BufferAttribute(indices, 1));
   }
 
   /** Takes over the points decoded since the last call. */
   addPoints(ready: number): void {
     if (ready === this.#uploadedPoints) return;
-    for (const attribute of Object.values(this.#geometry.attributes)) {
+    for (const attribute of Object.values(this.#points.geometry.attributes)) {
       if (!(attribute instanceof BufferAttribute)) continue;
       attribute.addUpdateRange(this.#uploadedPoints * LANES, (ready - this.#uploadedPoints) * LANES);
       attribute.needsUpdate = true;
@@ -85,7 +90,7 @@ export class Renderer {
 
   /** Takes over colours and marks that were changed in place. */
   refreshColors(): void {
-    const { color } = this.#geometry.attributes;
+    const { color } = this.#points.geometry.attributes;
     if (!(color instanceof BufferAttribute)) return;
     color.clearUpdateRanges();
     color.needsUpdate = true;
@@ -99,16 +104,19 @@ export class Renderer {
     this.#camera.aspect = width / height;
   }
 
-  /** Draws the first `count` points, or triangles of a mesh. */
-  render(orbit: Orbit, count: number, pointScale: number): void {
-    this.#geometry.setDrawRange(0, this.#isMesh ? count * 3 : count);
-    if (!this.#isMesh) {
+  /** Draws the first `count` points or triangles. */
+  render(orbit: Orbit, kind: StreamHeader["kind"], count: number, pointScale: number): void {
+    this.#points.visible = kind === "points";
+    this.#mesh.visible = kind === "mesh";
+    if (kind === "mesh") {
+      this.#mesh.geometry.setDrawRange(0, count * 3);
+    } else {
+      this.#points.geometry.setDrawRange(0, count);
       const spacing = Math.sqrt(this.#surface / Math.max(1, count));
-      this.#setUniform(
-        "worldSize",
-        Math.min(spacing * POINT_OVERLAP, radius(this.#bounds) * 0.06) * pointScale,
-      );
-      this.#setUniform("pixelsPerUnit", this.#heightPx / (2 * Math.tan(FIELD_OF_VIEW / 2)));
+      const size = Math.min(spacing * POINT_OVERLAP, radius(this.#bounds) * 0.06) * pointScale;
+      setUniform(this.#points.material, "worldSize", size);
+      const perUnit = this.#heightPx / (2 * Math.tan(FIELD_OF_VIEW / 2));
+      setUniform(this.#points.material, "pixelsPerUnit", perUnit);
     }
     this.#placeCamera(orbit);
     this.#gl.render(this.#scene, this.#camera);
@@ -116,37 +124,12 @@ export class Renderer {
 
   /** Everything the graphics card holds is given back, the context too. */
   dispose(): void {
-    this.#geometry.dispose();
-    this.#material.dispose();
+    for (const { geometry, material } of [this.#points, this.#mesh]) {
+      geometry.dispose();
+      material.dispose();
+    }
     this.#gl.dispose();
     this.#gl.forceContextLoss();
-  }
-
-  #setUniform(name: string, value: number): void {
-    const uniform = this.#material.uniforms[name];
-    if (uniform) uniform.value = value;
-  }
-
-  #makeMaterial(): ShaderMaterial {
-    return new ShaderMaterial({
-      vertexShader: this.#isMesh ? MESH_VERTEX : POINT_VERTEX,
-      fragmentShader: this.#isMesh ? MESH_FRAGMENT : POINT_FRAGMENT,
-      side: DoubleSide,
-      uniforms: {
-        hasNormals: { value: 0 },
-        worldSize: { value: 0 },
-        pixelsPerUnit: { value: 1 },
-      },
-    });
-  }
-
-  #makeObject(): Points | Mesh {
-    const object = this.#isMesh
-      ? new Mesh(this.#geometry, this.#material)
-      : new Points(this.#geometry, this.#material);
-    // Three.js would work out a bounding sphere from the quantised numbers.
-    object.frustumCulled = false;
-    return object;
   }
 
   #placeCamera(orbit: Orbit): void {
@@ -162,6 +145,16 @@ export class Renderer {
     this.#camera.updateProjectionMatrix();
     this.#camera.updateMatrixWorld(true);
   }
+}
+
+function material(vertexShader: string, fragmentShader: string): ShaderMaterial {
+  const uniforms = { hasNormals: { value: 0 }, worldSize: { value: 0 }, pixelsPerUnit: { value: 1 } };
+  return new ShaderMaterial({ vertexShader, fragmentShader, side: DoubleSide, uniforms });
+}
+
+function setUniform({ uniforms }: ShaderMaterial, name: string, value: number): void {
+  const uniform = uniforms[name];
+  if (uniform) uniform.value = value;
 }
 
 function vector(v: Vec3): Vector3 {

@@ -11,12 +11,14 @@ export interface FixturePoint {
 export interface FixtureOptions {
   chunkPoints?: number;
   normals?: boolean;
+  /** Steps of deviation, one a point; 255: invented. */
+  deviations?: number[];
   triangles?: Vec3[];
   header?: Record<string, unknown>;
 }
 
 export function encodeStream(points: FixturePoint[], options: FixtureOptions = {}): Uint8Array {
-  const { chunkPoints = 4096, normals = true, triangles = [] } = options;
+  const { chunkPoints = 4096, normals = true, deviations, triangles = [] } = options;
   const axis = (i: number) => points.map((point) => point.position[i] ?? 0);
   const min = [0, 1, 2].map((i) => Math.min(...axis(i)));
   const max = [0, 1, 2].map((i) => Math.max(...axis(i)));
@@ -29,6 +31,7 @@ export function encodeStream(points: FixturePoint[], options: FixtureOptions = {
     max,
     chunk_points: chunkPoints,
     has_normals: normals,
+    ...(deviations ? { has_deviations: true } : {}),
     up: "z",
     ...options.header,
   };
@@ -40,6 +43,7 @@ export function encodeStream(points: FixturePoint[], options: FixtureOptions = {
     }
     for (const { color } of chunk) bytes.push(...color);
     if (normals) for (const { normal } of chunk) bytes.push(...encodeOctahedral(normal).map((c) => c & 255));
+    if (deviations) bytes.push(...deviations.slice(start, start + chunkPoints));
     while (bytes.length % 4 !== 0) bytes.push(0);
   }
   for (const triangle of triangles) for (const index of triangle) bytes.push(...u32(index));

@@ -13,13 +13,14 @@ export interface StreamHeader {
   readonly max: Vec3;
   readonly chunkPoints: number;
   readonly hasNormals: boolean;
+  readonly hasDeviations: boolean;
 }
 
 /** Arrays as the graphics card takes them: four components each, so that every vertex starts on a whole word. */
 export interface Model {
   /** x, y, z of 0..65535 between the header's min and max, and one unused. */
   readonly positions: Uint16Array;
-  /** sRGB, and 255; a 0 there marks the point. */
+  /** sRGB, and what the point is: MEASURED, INVENTED, or MARKED by a person. */
   readonly colors: Uint8Array;
   /** Unit normals of length 127, and one unused; empty where the stream has none. */
   readonly normals: Int8Array;
@@ -28,6 +29,11 @@ export interface Model {
 }
 
 export const LANES = 4;
+export const MEASURED = 255;
+export const INVENTED = 128;
+export const MARKED = 0;
+/** Deviation of a point that nobody measured. */
+const INVENTED_STEP = 255;
 const MAGIC = 0x31535241; // "ARS1"
 const PREFIX_BYTES = 8;
 const MAX_HEADER_BYTES = 64 * 1024;
@@ -45,6 +51,8 @@ export class StreamDecoder {
   header: StreamHeader | null = null;
   model: Model | null = null;
   pointsReady = 0;
+  /** Points that have come and that nobody measured. */
+  inventedPoints = 0;
   trianglesReady = 0;
   bytesRead = 0;
 
@@ -89,7 +97,7 @@ export class StreamDecoder {
     if (this.#headerBytes === null) return PREFIX_BYTES;
     if (this.header === null) return this.#headerBytes;
     const points = this.#pointsOfNextChunk(this.header);
-    if (points > 0) return chunkBytes(points, this.header.hasNormals);
+    if (points > 0) return chunkBytes(points, this.header);
     return TRIANGLE_BYTES * Math.min(TRIANGLES_A_STEP, this.header.triangles - this.trianglesReady);
   }
 
@@ -106,7 +114,7 @@ export class StreamDecoder {
       this.header = header;
     } else if (this.pointsReady < this.header.points) {
       const points = this.#pointsOfNextChunk(this.header);
-      decodeChunk(bytes, points, this.header.hasNormals, this.model, this.pointsReady);
+      this.inventedPoints += decodeChunk(bytes, points, this.header, this.model, this.pointsReady);
       this.pointsReady += points;
     } else {
       decodeTriangles(bytes, this.model.indices, this.trianglesReady * 3, this.header.points);
@@ -126,19 +134,19 @@ function concat(a: Uint8Array, b: Uint8Array): Uint8Array<ArrayBuffer> {
   return joined;
 }
 
-function chunkBytes(points: number, hasNormals: boolean): number {
-  const bytes = points * (hasNormals ? 11 : 9);
+type Attributes = Pick<StreamHeader, "hasNormals" | "hasDeviations">;
+
+function chunkBytes(points: number, { hasNormals, hasDeviations }: Attributes): number {
+  const bytes = points * (9 + (hasNormals ? 2 : 0) + (hasDeviations ? 1 : 0));
   return bytes + ((4 - (bytes % 4)) % 4);
 }
 
 /** All bytes after the header. */
 export function bodyBytes(header: StreamHeader): number {
-  const { points, chunkPoints, hasNormals, triangles } = header;
+  const { points, chunkPoints, triangles } = header;
   const whole = Math.floor(points / chunkPoints);
   const rest = points - whole * chunkPoints;
-  return (
-    whole * chunkBytes(chunkPoints, hasNormals) + chunkBytes(rest, hasNormals) + triangles * TRIANGLE_BYTES
-  );
+  return whole * chunkBytes(chunkPoints, header) + chunkBytes(rest, header) + triangles * TRIANGLE_BYTES;
 }
 
 function view(bytes: Uint8Array): DataView {
@@ -179,6 +187,7 @@ function parseHeader(bytes: Uint8Array): StreamHeader {
     max,
     chunkPoints: count(fields.chunk_points, "chunk_points", 1, MAX_CHUNK_POINTS),
     hasNormals: fields.has_normals,
+    hasDeviations: fields.has_deviations === true,
   };
 }
 
@@ -206,27 +215,33 @@ function allocate({ points, triangles, hasNormals }: StreamHeader): Model {
   };
 }
 
+/** Returns how many of the points nobody measured. */
 function decodeChunk(
   bytes: Uint8Array,
   points: number,
-  hasNormals: boolean,
+  { hasNormals, hasDeviations }: Attributes,
   model: Model,
   first: number,
-): void {
+): number {
   const data = view(bytes);
   const colorsAt = points * 6;
   const normalsAt = points * 9;
+  const deviationsAt = normalsAt + (hasNormals ? points * 2 : 0);
+  let invented = 0;
   for (let i = 0; i < points; i++) {
     const out = (first + i) * LANES;
     for (let axis = 0; axis < 3; axis++) {
       model.positions[out + axis] = data.getUint16((i * 3 + axis) * 2, true);
       model.colors[out + axis] = data.getUint8(colorsAt + i * 3 + axis);
     }
-    model.colors[out + 3] = 255;
+    const isInvented = hasDeviations && data.getUint8(deviationsAt + i) === INVENTED_STEP;
+    model.colors[out + 3] = isInvented ? INVENTED : MEASURED;
+    if (isInvented) invented++;
     if (!hasNormals) continue;
     const at = normalsAt + i * 2;
     decodeOctahedral(data.getInt8(at), data.getInt8(at + 1), model.normals, out);
   }
+  return invented;
 }
 
 function decodeTriangles(bytes: Uint8Array, indices: Uint32Array, first: number, points: number): void {

@@ -14,7 +14,7 @@ import { attachControls, type ControlActions } from "./controls";
 import { loadStream, type StreamRequest } from "./load";
 import { makePanel, type Panel } from "./panel";
 import { Renderer } from "./renderer";
-import { LANES, type Model, type StreamDecoder, type StreamHeader } from "./stream";
+import { LANES, MARKED, type Model, type StreamDecoder, type StreamHeader } from "./stream";
 
 export interface ViewerOptions {
   /** Box the view lives in; the viewer fills it and takes everything away again when the signal fires. */
@@ -52,6 +52,8 @@ export class Viewer {
   readonly #budget = new DrawBudget();
   #renderer: Renderer | null = null;
   #decoder: StreamDecoder | null = null;
+  /** What the points are when no one marks them; kept from the first mark on. */
+  #flags: Uint8Array | null = null;
   #home: orbits.Orbit | null = null;
   #orbit: orbits.Orbit | null = null;
   #streamUrl: string;
@@ -95,7 +97,8 @@ export class Viewer {
   /** The picture as it is now, for use as a listing's picture. */
   async picture(): Promise<Blob | null> {
     if (!this.#renderer || !this.#orbit || this.#isLost) return null;
-    this.#renderer.render(this.#orbit, this.#available(), this.#pointScale);
+    const { kind, count } = this.#available();
+    this.#renderer.render(this.#orbit, kind, count, this.#pointScale);
     return new Promise((resolve) => this.#options.canvas.toBlob(resolve, "image/png"));
   }
 
@@ -116,8 +119,12 @@ export class Viewer {
   mark(indices: Iterable<number>): void {
     const { model, header } = this.#decoder ?? {};
     if (!model || !header) return;
-    for (let i = 0; i < header.points; i++) model.colors[i * LANES + LANES - 1] = 255;
-    for (const i of indices) model.colors[i * LANES + LANES - 1] = 0;
+    const flags = this.#flags ?? new Uint8Array(header.points).map((_, i) => flagAt(model, i));
+    this.#flags = flags;
+    flags.forEach((flag, i) => {
+      model.colors[i * LANES + LANES - 1] = flag;
+    });
+    for (const i of indices) model.colors[i * LANES + LANES - 1] = MARKED;
     this.#renderer?.refreshColors();
     this.#invalidate();
   }
@@ -158,12 +165,13 @@ export class Viewer {
     const total = header.points + header.triangles;
     this.#panel.showProgress((decoder.pointsReady + decoder.trianglesReady) / total);
     this.#renderer?.addPoints(decoder.pointsReady);
-    if (header.kind === "points") this.#invalidate();
+    this.#invalidate();
   }
 
   #begin(decoder: StreamDecoder, header: StreamHeader, model: Model): void {
     const { canvas, context } = this.#options;
     this.#decoder = decoder;
+    this.#flags = null;
     if (this.#renderer) this.#renderer.useModel(header, model);
     else this.#renderer = new Renderer(canvas, context, header, model);
     if (header.kind === "mesh") this.#panel.hidePointSize();
@@ -175,18 +183,18 @@ export class Viewer {
     if (!header || !model) return;
     this.#renderer?.addPoints(header.points);
     this.#panel.showProgress(null);
+    this.#panel.showInvented((this.#decoder?.inventedPoints ?? 0) > 0);
     this.#setState("ready");
     this.#invalidate();
     this.#saySoon();
     this.#options.onLoaded(mainColours(model.colors, LANES, header.points));
   }
 
-  /** What can be drawn of what has arrived: any number of points, but a mesh only as a whole. */
-  #available(): number {
-    const decoder = this.#decoder;
-    if (!decoder?.header) return 0;
-    if (decoder.header.kind === "points") return decoder.pointsReady;
-    return decoder.complete ? decoder.trianglesReady : 0;
+  /** What can be drawn of what has arrived: any number of points, and a mesh as soon as it is whole. */
+  #available(): { kind: StreamHeader["kind"]; count: number } {
+    const { header, complete, trianglesReady, pointsReady } = this.#decoder ?? {};
+    if (header?.kind === "mesh" && complete) return { kind: "mesh", count: trianglesReady ?? 0 };
+    return { kind: "points", count: pointsReady ?? 0 };
   }
 
   // --- drawing on demand ---
@@ -199,13 +207,12 @@ export class Viewer {
 
   #draw(now: number): void {
     this.#frame = 0;
-    const available = this.#available();
-    if (!this.#renderer || !this.#orbit || this.#isLost || available === 0) return;
+    const { kind, count } = this.#available();
+    if (!this.#renderer || !this.#orbit || this.#isLost || count === 0) return;
     const moving = now - this.#movedAt < STILL_MILLIS;
-    const isMesh = this.#decoder?.header?.kind === "mesh";
-    const drawn = isMesh ? available : this.#budget.points(available, moving);
+    const drawn = kind === "mesh" ? count : this.#budget.points(count, moving);
     this.#learn(now, moving);
-    this.#renderer.render(this.#orbit, drawn, this.#pointScale);
+    this.#renderer.render(this.#orbit, kind, drawn, this.#pointScale);
     this.#lastMovingFrame = moving ? { at: now, drawn } : null;
     this.#afterDraw(drawn, moving);
   }
@@ -257,11 +264,12 @@ export class Viewer {
   }
 
   #pick(x: number, y: number): Vec3 | null {
-    const { header, model, pointsReady } = this.#decoder ?? {};
+    const { header, model, complete, pointsReady } = this.#decoder ?? {};
     if (!header || !model || !this.#orbit || pointsReady === undefined) return null;
     const { clientWidth: width, clientHeight: height } = this.#options.canvas;
     const ray = sightLine(this.#orbit, width / height, (2 * x) / width - 1, 1 - (2 * y) / height);
-    if (header.kind === "mesh") return pickTriangle(ray, header, model.positions, LANES, model.indices);
+    if (header.kind === "mesh" && complete)
+      return pickTriangle(ray, header, model.positions, LANES, model.indices);
     const slope = (PICK_PX * 2 * Math.tan(orbits.FIELD_OF_VIEW / 2)) / height;
     return pickPoint(ray, header, model.positions, LANES, pointsReady, slope);
   }
@@ -359,4 +367,8 @@ export class Viewer {
     this.#decoder = null;
     this.#panel.element.remove();
   }
+}
+
+function flagAt(model: Model, point: number): number {
+  return model.colors[point * LANES + LANES - 1] ?? 0;
 }

@@ -135,7 +135,7 @@ fn indices_beyond_the_vertices_are_refused() {
 fn what_is_up_is_y_in_the_file() {
     let vertices = PointCloud { points: vec![[0.1, 0.2, 0.3]], ..PointCloud::default() };
     let mut bytes = Vec::new();
-    write(&Mesh { vertices, triangles: vec![] }, &mut bytes).unwrap();
+    write(&Mesh::of_points(vertices), &mut bytes).unwrap();
     let (json, binary) = chunks(&bytes, &Limits::default()).unwrap();
     assert!(binary.starts_with(&[0.1f32, 0.3, -0.2].map(f32::to_le_bytes).concat()));
     let json: Value = serde_json::from_slice(json).unwrap();

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use super::color::linear_table;
 use super::{BINARY_CHUNK, JSON_CHUNK, MAGIC};
-use crate::mesh::Mesh;
+use crate::mesh::{INVENTED, Mesh};
 use crate::model_file::unit_normals;
 
 /// What the file names as its maker.
@@ -18,7 +18,7 @@ const UNSIGNED_INT: u32 = 5125;
 const ARRAY_BUFFER: u32 = 34962;
 const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
-/// Writes positions, normals, colours and triangles; a mesh without vertices, or one larger than the format can hold, is
+/// Writes positions, normals, colours, deviations (`_DEVIATION`, metres, negative where invented) and triangles; a mesh without vertices, or one larger than the format can hold, is
 /// [`io::ErrorKind::InvalidInput`].
 pub fn write(mesh: &Mesh, mut writer: impl Write) -> io::Result<()> {
     if mesh.vertices.is_empty() {
@@ -103,6 +103,12 @@ fn parts(mesh: &Mesh) -> (Value, Vec<u8>) {
         });
         attributes["COLOR_0"] =
             json!(builder.add(wide.flat_map(u16::to_le_bytes), count, ARRAY_BUFFER, shape));
+    }
+    if mesh.has_deviations() {
+        let shape = json!({"componentType": FLOAT, "type": "SCALAR"});
+        let known = mesh.deviations_metres.iter().map(|&d| if d == INVENTED { -1.0 } else { d });
+        let bytes = known.flat_map(f32::to_le_bytes);
+        attributes["_DEVIATION"] = json!(builder.add(bytes, count, ARRAY_BUFFER, shape));
     }
     let mut primitive = json!({"attributes": attributes, "mode": 0, "material": 0});
     if !mesh.triangles.is_empty() {

@@ -4,7 +4,6 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Weak};
 
-use reconstruct::mesh::Mesh;
 use reconstruct::report::Report;
 
 use super::{Done, Session, lock};
@@ -21,8 +20,8 @@ use crate::unit_calibration;
 
 /// Folder of the model inside the recording's.
 pub(super) const MODEL: &str = "model";
-/// Stages of a build with a board: load, markers, calibrate, cut, align, fuse, write.
-const STAGES: usize = 7;
+/// Stages of a build with a board: load, markers, calibrate, cut, align, fuse, surface, write.
+const STAGES: usize = 8;
 /// The same seed as `scan-product build` takes, so that both give the same bytes.
 const SEED: u64 = 1;
 
@@ -126,13 +125,13 @@ fn built(folder: &Path, ui: &Ui) -> Result<Built, String> {
     let depth_prior = unit_calibration::prior_of(&recording).map_err(|e| e.to_string())?;
     let config = Config { seed: SEED, depth_prior, ..Config::default() };
     let mut scan = pipeline::build(&recording, &config, ui).map_err(|e| e.to_string())?;
-    if scan.cloud.is_empty() {
+    if scan.model.vertices.is_empty() {
         return Err(format!("no model could be built: {}", scan.report.verdict_reason));
     }
     let stage = ui.stage("write", 1);
-    let mesh = Mesh { vertices: std::mem::take(&mut scan.cloud), triangles: Vec::new() };
+    let mesh = std::mem::take(&mut scan.model);
     let files = result::write_beside(&folder.join(MODEL), &mesh, &scan.report).map_err(|e| e.to_string())?;
-    let shape = Shape::new(mesh.vertices).map_err(|e| e.to_string())?;
+    let shape = Shape::new(mesh).map_err(|e| e.to_string())?;
     stage.done();
     Ok(Built { files, model: (shape, scan.report) })
 }

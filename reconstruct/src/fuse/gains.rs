@@ -1,0 +1,67 @@
+//! Views are brought to a common brightness before their colours are averaged.
+
+use nalgebra::Point3;
+use rayon::prelude::*;
+
+use super::PlacedView;
+
+/// Factors that bring every view's colours to a common brightness, channel by channel: least squares of log colours over
+/// spots seen by two views, with a pull to 1.
+pub(super) fn color_gains(views: &[PlacedView]) -> Vec<[f32; 3]> {
+    let n = views.len();
+    let pairs: Vec<(usize, usize)> = (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j))).collect();
+    let ratios: Vec<Option<([f64; 3], f64)>> =
+        pairs.par_iter().map(|&(i, j)| log_ratio(&views[i], &views[j])).collect();
+    let mut gains = vec![[1.0f32; 3]; n];
+    for channel in 0..3 {
+        let mut normal = nalgebra::DMatrix::<f64>::identity(n, n) * 0.05;
+        let mut right = nalgebra::DVector::<f64>::zeros(n);
+        for (&(i, j), ratio) in pairs.iter().zip(&ratios) {
+            let Some((log_ratio, weight)) = ratio else { continue };
+            let w = weight.min(1.0);
+            normal[(i, i)] += w;
+            normal[(j, j)] += w;
+            normal[(i, j)] -= w;
+            normal[(j, i)] -= w;
+            right[i] -= w * log_ratio[channel];
+            right[j] += w * log_ratio[channel];
+        }
+        if let Some(solution) = normal.cholesky().map(|c| c.solve(&right)) {
+            for (gain, log) in gains.iter_mut().zip(solution.iter()) {
+                gain[channel] = log.clamp(-0.5, 0.5).exp() as f32;
+            }
+        }
+    }
+    gains
+}
+
+/// Middle of `log(color in a) - log(color in b)` over common spots, and how much it is worth (1 = a thousand spots).
+fn log_ratio(a: &PlacedView, b: &PlacedView) -> Option<([f64; 3], f64)> {
+    let b_from_a = b.world_from_camera.inverse() * a.world_from_camera;
+    let mut logs: [Vec<f64>; 3] = Default::default();
+    for s in a.geometry.product_pixels().step_by(7) {
+        let p = b_from_a * Point3::from(a.geometry.points[s]).cast::<f64>();
+        let Some(t) = b.geometry.pixel_of(&p) else { continue };
+        let same = b.geometry.mask[t] && (f64::from(b.geometry.points[t][2]) - p.z).abs() < 0.004;
+        if !same || a.geometry.incidence_cosine(s) < 0.5 || b.geometry.incidence_cosine(t) < 0.5 {
+            continue;
+        }
+        for (k, logs) in logs.iter_mut().enumerate() {
+            let (ca, cb) = (a.color.data[s][k], b.color.data[t][k]);
+            if (12..250).contains(&ca) && (12..250).contains(&cb) {
+                logs.push((f64::from(ca) / f64::from(cb)).ln());
+            }
+        }
+    }
+    let weight = logs.iter().map(Vec::len).min()? as f64 / 1000.0;
+    if weight < 0.05 {
+        return None;
+    }
+    Some((
+        logs.map(|mut l| {
+            let m = l.len() / 2;
+            *l.select_nth_unstable_by(m, f64::total_cmp).1
+        }),
+        weight,
+    ))
+}

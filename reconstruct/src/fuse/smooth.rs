@@ -1,0 +1,179 @@
+//! Thinning to one sample a voxel and side, and the moving-least-squares step (Levin 2004) that averages the views' noise.
+
+use rayon::prelude::*;
+
+use super::FuseConfig;
+use super::grid::{Grid, cell_of, key};
+use super::samples::{Sample, dot};
+
+/// Which of six directions a normal points to most: keeps the sides of a thin wall in different voxels.
+fn side(n: &[f32; 3]) -> u64 {
+    let axis = (0..3).fold(0, |best, k| if n[k].abs() > n[best].abs() { k } else { best });
+    (2 * axis + usize::from(n[axis] < 0.0)) as u64
+}
+
+/// One weighted mean sample a voxel and side, in the order of the voxels.
+pub(super) fn thin(samples: &[Sample], voxel: f32) -> Vec<Sample> {
+    let low = samples.iter().fold([f32::MAX; 3], |low, s| std::array::from_fn(|k| low[k].min(s.point[k])));
+    let mut keyed: Vec<(u64, u64, u32)> = samples
+        .iter()
+        .enumerate()
+        .map(|(i, s)| (key(cell_of(&s.point, &low, voxel)), side(&s.normal), i as u32))
+        .collect();
+    keyed.par_sort_unstable();
+    keyed
+        .chunk_by(|a, b| (a.0, a.1) == (b.0, b.1))
+        .map(|run| {
+            let mut mean = Mean::default();
+            for &(_, _, i) in run {
+                let s = &samples[i as usize];
+                mean.add(s, s.weight, s.weight);
+            }
+            mean.sample()
+        })
+        .collect()
+}
+
+/// A weighted mean of samples.
+#[derive(Default)]
+struct Mean {
+    point: [f32; 3],
+    normal: [f32; 3],
+    color: [f32; 3],
+    deviation: f32,
+    weight: f32,
+    color_weight: f32,
+}
+
+impl Mean {
+    fn add(&mut self, s: &Sample, weight: f32, color_weight: f32) {
+        for k in 0..3 {
+            self.point[k] += weight * s.point[k];
+            self.normal[k] += weight * s.normal[k];
+            self.color[k] += color_weight * s.color[k];
+        }
+        self.deviation += weight * s.deviation;
+        self.weight += weight;
+        self.color_weight += color_weight;
+    }
+
+    fn sample(&self) -> Sample {
+        let length = dot(&self.normal, &self.normal).sqrt().max(1e-12);
+        Sample {
+            point: self.point.map(|v| v / self.weight.max(1e-12)),
+            normal: self.normal.map(|v| v / length),
+            color: self.color.map(|v| v / self.color_weight.max(1e-12)),
+            weight: self.weight,
+            view: 0,
+            deviation: self.deviation / self.weight.max(1e-12),
+        }
+    }
+}
+
+/// How far a colour may be from the others of its spot before it counts little (reflections, hands), 8-bit steps.
+const COLOR_SPREAD: f32 = 25.0;
+/// Neighbouring pixels of a view share part of their noise: this many of them are worth one.
+const PIXELS_WORTH_ONE: f32 = 4.0;
+/// What all pixels of a view share where they are a few millimetres apart, as a share of their spread.
+const SHARED_IN_A_VIEW: f32 = 0.35;
+
+/// Spread of a spot's samples about its smoothed surface, and from how many views they are.
+#[derive(Default)]
+struct Spread {
+    weight: f32,
+    squared_weight: f32,
+    squared: f32,
+    views: u64,
+}
+
+impl Spread {
+    fn add(&mut self, off_metres: f32, weight: f32, view: u16) {
+        self.weight += weight;
+        self.squared_weight += weight * weight;
+        self.squared += weight * off_metres * off_metres;
+        self.views |= 1 << (view % 64);
+    }
+
+    /// Standard deviation of the mean: a part shrinks with the samples, a part only with the views.
+    fn deviation(&self) -> f32 {
+        let variance = self.squared / self.weight.max(1e-12);
+        let samples = self.weight * self.weight / self.squared_weight.max(1e-12) / PIXELS_WORTH_ONE;
+        let views = self.views.count_ones().max(1) as f32;
+        (variance * (1.0 / samples.max(1.0) + SHARED_IN_A_VIEW * SHARED_IN_A_VIEW / views)).sqrt()
+    }
+}
+
+/// Moves a seed along its normal onto the mean of its neighbours; `None` where too few support it.
+pub(super) fn smooth(seed: &Sample, samples: &[Sample], grid: &Grid, config: &FuseConfig) -> Option<Sample> {
+    let mut current = *seed;
+    let radius2 = config.radius_metres * config.radius_metres;
+    let narrow = -0.5 / (0.25 * radius2);
+    let color_narrow = -0.5 / (config.voxel_metres * config.voxel_metres);
+    for pass in 0..2 {
+        let (mut mean, mut spread) = (Mean::default(), Spread::default());
+        let mut support = 0.0;
+        grid.around(&current.point, |i| {
+            let s = &samples[i];
+            let off: [f32; 3] = std::array::from_fn(|k| s.point[k] - current.point[k]);
+            let d2 = dot(&off, &off);
+            if d2 > radius2 || dot(&s.normal, &current.normal) < config.same_side_cosine {
+                return;
+            }
+            support += s.weight;
+            let weight = s.weight * (narrow * d2).exp();
+            let trust = if pass == 0 { 1.0 } else { color_trust(&s.color, &current.color) };
+            mean.add(s, weight, trust * s.weight * s.weight * (color_narrow * d2).exp() + 1e-9);
+            spread.add(dot(&off, &current.normal), weight, s.view);
+        });
+        if support < config.min_support || mean.weight <= 0.0 {
+            return None;
+        }
+        let mean = mean.sample();
+        let off: [f32; 3] = std::array::from_fn(|k| mean.point[k] - current.point[k]);
+        let along = dot(&off, &mean.normal);
+        current = Sample {
+            point: std::array::from_fn(|k| current.point[k] + along * mean.normal[k]),
+            normal: mean.normal,
+            color: mean.color,
+            deviation: spread.deviation(),
+            ..*seed
+        };
+    }
+    Some(current)
+}
+
+/// Little for colours far from their spot's.
+fn color_trust(color: &[f32; 3], of_spot: &[f32; 3]) -> f32 {
+    let off: [f32; 3] = std::array::from_fn(|k| (color[k] - of_spot[k]) / COLOR_SPREAD);
+    1.0 / (1.0 + dot(&off, &off)).powi(2)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_sides_of_a_thin_wall_survive_thinning_and_smoothing() {
+        let mut rng = fastrand::Rng::with_seed(5);
+        let wall = |x: f32, sign: f32, rng: &mut fastrand::Rng| Sample {
+            point: [x + 0.0006 * (rng.f32() - 0.5), 0.04 * rng.f32(), 0.01 + 0.04 * rng.f32()],
+            normal: [sign, 0.0, 0.0],
+            color: [100.0; 3],
+            weight: 1.0,
+            view: 0,
+            deviation: 0.0,
+        };
+        let mut samples: Vec<Sample> = (0..6000).map(|_| wall(0.001, 1.0, &mut rng)).collect();
+        samples.extend((0..6000).map(|_| wall(-0.001, -1.0, &mut rng)));
+        let config = FuseConfig::default();
+        let points: Vec<[f32; 3]> = samples.iter().map(|s| s.point).collect();
+        let grid = Grid::new(&points, config.radius_metres);
+        let smoothed: Vec<Sample> =
+            thin(&samples, 0.001).iter().filter_map(|s| smooth(s, &samples, &grid, &config)).collect();
+        assert!(smoothed.len() > 2000);
+        let rms = (smoothed.iter().map(|s| (s.point[0].abs() - 0.001).powi(2)).sum::<f32>()
+            / smoothed.len() as f32)
+            .sqrt();
+        assert!(rms < 0.0001, "{rms}");
+    }
+}

@@ -1,0 +1,56 @@
+//! Cracks are closed across: again and again the shortest new edge between two vertices next but one on the rim, then a
+//! new vertex in the middle of every triangle, so that what is invented can be told from what was measured.
+
+use std::collections::BTreeSet;
+
+use super::fill::{add_between, mean};
+use crate::mesh::Mesh;
+
+/// Closes a border with invented surface that keeps close to it.
+pub(super) fn zip(mesh: &mut Mesh, border: &[u32]) {
+    let taken = edges_between(mesh, border);
+    let mut rim = border.to_vec();
+    let mut triangles = Vec::new();
+    while rim.len() > 3 {
+        let Some(tip) = best_ear(mesh, &rim, &taken) else { break };
+        let n = rim.len();
+        triangles.push([rim[(tip + 1) % n], rim[tip], rim[(tip + n - 1) % n]]);
+        rim.remove(tip);
+    }
+    for [a, b, c] in triangles.into_iter().chain((rim.len() == 3).then(|| [rim[2], rim[1], rim[0]])) {
+        let middle = mean(mesh, &[a, b, c]);
+        let m = add_between(mesh, a as usize, &middle, 1.0);
+        mesh.triangles.extend([[a, b, m], [b, c, m], [c, a, m]]);
+    }
+    if rim.len() > 3 {
+        super::fill::fill(mesh, &rim);
+    }
+}
+
+/// Edges that the surface already has between vertices of the border.
+fn edges_between(mesh: &Mesh, border: &[u32]) -> BTreeSet<(u32, u32)> {
+    let on_border: BTreeSet<u32> = border.iter().copied().collect();
+    let mut edges = BTreeSet::new();
+    for t in &mesh.triangles {
+        for k in 0..3 {
+            let (a, b) = (t[k], t[(k + 1) % 3]);
+            if on_border.contains(&a) && on_border.contains(&b) {
+                edges.insert((a.min(b), a.max(b)));
+            }
+        }
+    }
+    edges
+}
+
+/// Vertex of the rim whose neighbours are nearest to each other and not joined yet.
+fn best_ear(mesh: &Mesh, rim: &[u32], taken: &BTreeSet<(u32, u32)>) -> Option<usize> {
+    let n = rim.len();
+    let length2 = |i: usize| {
+        let (a, b) = (rim[(i + n - 1) % n], rim[(i + 1) % n]);
+        let (p, q) = (mesh.vertices.points[a as usize], mesh.vertices.points[b as usize]);
+        let free = !taken.contains(&(a.min(b), a.max(b)));
+        free.then(|| (0..3).map(|k| (p[k] - q[k]).powi(2)).sum::<f32>())
+    };
+    let ears = (0..n).filter_map(|i| Some((length2(i)?, i)));
+    ears.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, i)| i)
+}
