@@ -53,7 +53,8 @@ fn two_sensors_are_told_apart() {
         assert_eq!((sensor.address.as_str(), sensor.serial.as_str()), (&*format!("openni2:{uri}"), serial));
     }
     let (mut first, mut second) = (open(URI).unwrap(), open(SECOND_URI).unwrap());
-    (first.start().unwrap(), second.start().unwrap());
+    first.start().unwrap();
+    second.start().unwrap();
     wait_for_frame(&mut first, SOON, |_| true);
     wait_for_frame(&mut second, SOON, |_| true);
     private.unplug();
