@@ -179,6 +179,7 @@ fn least_direction(c: &[f64; 6]) -> Option<(Vector3<f64>, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simd::on_every_path;
     use proptest::prelude::*;
 
     proptest! {
@@ -273,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn both_paths_agree_and_so_does_any_number_of_threads() {
+    fn all_paths_agree_and_so_does_any_number_of_threads() {
         let points = sphere(0.1, 3000);
         let tree = Tree::new(&points);
         for neighbourhood in [Neighbourhood::Nearest(20), Neighbourhood::Radius(0.01)] {
@@ -286,8 +287,10 @@ mod tests {
             };
             let normals =
                 |rows: Vec<([f32; 3], f32)>| -> Vec<[f32; 3]> { rows.iter().map(|r| r.0).collect() };
-            let portable = normals(pulp::WithSimd::with_simd(chunk(), pulp::Scalar));
-            assert_alike(&portable, &normals(run(chunk())), 1e-4);
+            let paths: Vec<_> = on_every_path(chunk).into_iter().map(normals).collect();
+            for path in &paths[1..] {
+                assert_alike(&paths[0], path, 1e-4);
+            }
             let on = |threads| {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
                 pool.install(|| estimate(&points, &tree, neighbourhood, &[0.0; 3]))

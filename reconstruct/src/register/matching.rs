@@ -99,6 +99,7 @@ fn mean_of<const N: usize>(descriptors: &[[f32; N]]) -> [f32; N] {
 mod tests {
     use super::*;
     use crate::register::fpfh::{Descriptor, LENGTH};
+    use crate::simd::on_every_path;
 
     fn random(count: usize, seed: u64) -> Vec<Descriptor> {
         let mut rng = fastrand::Rng::with_seed(seed);
@@ -147,21 +148,31 @@ mod tests {
         assert!(match_descriptors::<LENGTH>(&[], &source, MatchConfig::default()).is_empty());
     }
 
-    #[test]
-    fn both_paths_agree() {
-        let (rows, columns) = (random(131, 3), random(77, 4));
-        let detected = run(Sweep { rows: &rows, first: 5, columns: &run(Columns(&columns)) });
-        let table = pulp::WithSimd::with_simd(Columns(&columns), pulp::Scalar);
-        let sweep = Sweep { rows: &rows, first: 5, columns: &table };
-        let portable = pulp::WithSimd::with_simd(sweep, pulp::Scalar);
-        for (a, b) in detected.by_row.iter().zip(&portable.by_row) {
-            assert_eq!(a.index, b.index);
-            assert!(
-                (a.distance - b.distance).abs() < 1e-4 * b.distance
-                    && (a.second - b.second).abs() < 1e-4 * b.second
-            );
+    /// A table made and swept on one path.
+    struct Swept<'a>(&'a [Descriptor], &'a [Descriptor]);
+
+    impl pulp::WithSimd for Swept<'_> {
+        type Output = Nearest;
+
+        #[inline(always)]
+        fn with_simd<S: pulp::Simd>(self, simd: S) -> Nearest {
+            let columns = Columns(self.1).with_simd(simd);
+            Sweep { rows: self.0, first: 5, columns: &columns }.with_simd(simd)
         }
+    }
+
+    #[test]
+    fn all_paths_agree() {
+        let (rows, columns) = (random(131, 3), random(77, 4));
+        let paths = on_every_path(|| Swept(&rows, &columns));
         let rows_of = |part: &Nearest| part.by_column.iter().map(|(_, row)| *row).collect::<Vec<_>>();
-        assert_eq!(rows_of(&detected), rows_of(&portable));
+        for path in &paths[1..] {
+            for (a, b) in path.by_row.iter().zip(&paths[0].by_row) {
+                assert_eq!(a.index, b.index);
+                assert!((a.distance - b.distance).abs() < 1e-4 * b.distance);
+                assert!((a.second - b.second).abs() < 1e-4 * b.second);
+            }
+            assert_eq!(rows_of(path), rows_of(&paths[0]));
+        }
     }
 }

@@ -12,7 +12,7 @@ use crate::simd::LANES;
 /// A descriptor padded to whole registers.
 pub(super) type Histogram = [f32; PADDED];
 /// Length with the padding; what stands there is never read.
-pub(super) const PADDED: usize = 40;
+pub(super) const PADDED: usize = LENGTH.next_multiple_of(LANES);
 
 /// What is done for every point.
 pub(super) trait Task: Copy + Send + Sync {
