@@ -23,7 +23,8 @@ fn meshes() -> impl Strategy<Value = Mesh> {
             colors: if colors { vertices.iter().map(|v| v.1).collect() } else { Vec::new() },
             normals: if normals { vertices.iter().map(|v| unit(v.2)).collect() } else { Vec::new() },
         };
-        let deviation = |v: &([f32; 3], [u8; 3], [f32; 3])| if v.1[0] > 200 { INVENTED } else { v.2[0].abs() };
+        let deviation =
+            |v: &([f32; 3], [u8; 3], [f32; 3])| if v.1[0] > 200 { INVENTED } else { v.2[0].abs() };
         Mesh {
             vertices: cloud,
             triangles: triangles.iter().map(|t| t.map(|i| i % count)).collect(),

@@ -106,8 +106,9 @@ fn introduction(date: &str, rows: &[Row]) -> anyhow::Result<String> {
     writeln!(page, "# Benchmarks\n")?;
     writeln!(
         page,
-        "Written by `make bench` on {date}: {}, {} cores. One thread, process CPU time (median of the runs), the same input \
-         files and the same parameters for everyone, all in one run. The machine was not idle; ratios say more than digits.\n",
+        "Written by `bench report` (see `make bench`) on {date}: {}, {} cores. One thread, process CPU time (median of the runs), the same input \
+         files and the same parameters for everyone, on one machine on one day. It was busy with other work: ratios say more \
+         than digits.\n",
         processor(),
         std::thread::available_parallelism().map_or(1, std::num::NonZero::get),
     )?;
