@@ -40,5 +40,6 @@ pub mod segment_free;
 mod simd;
 pub mod stream;
 pub mod surface;
+pub mod tsdf;
 pub mod view;
 pub mod voxel;

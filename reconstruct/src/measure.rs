@@ -50,6 +50,20 @@ pub fn dimensions(cloud: &PointCloud, scale_sd: f64, stands_on_floor: bool) -> O
     Some(Dimensions { metres, uncertainty_metres })
 }
 
+/// Length, width and height above z = 0 of exact points: the sides of the smallest rectangle around them from above.
+pub fn extent(points: &[[f32; 3]]) -> [f64; 3] {
+    let flat: Vec<[f64; 2]> = points.iter().map(|p| [f64::from(p[0]), f64::from(p[1])]).collect();
+    let hull = convex_hull(&flat);
+    let (s, c) = smallest_rectangle_angle(&hull).sin_cos();
+    let span = |x: f64, y: f64| {
+        let along = hull.iter().map(|p| p[0] * x + p[1] * y);
+        let (low, high) = along.fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(v), h.max(v)));
+        (high - low).max(0.0)
+    };
+    let (a, b) = (span(c, s), span(-s, c));
+    [a.max(b), a.min(b), points.iter().map(|p| f64::from(p[2])).fold(0.0, f64::max)]
+}
+
 /// Middle of the outermost points: at most twenty, and no more than one in two thousand.
 fn outermost(values: &[f64]) -> Option<f64> {
     let count = (values.len() / 2000).clamp(3, 20).min(values.len());

@@ -46,6 +46,7 @@ Start here:
   scan-product board --paper a3 --out board          print the marker board
   scan-product simulate --product mug --out rec      a recording without a Kinect
   scan-product build rec --out out                   the 3D model
+  scan-product report out                            how good it is, and what is missing
   scan-product upload out --server https://… --title \"Blue mug\"
 
 Exit status: 0 done; 1 the recording gives no good scan (report.json says why);
@@ -66,6 +67,8 @@ pub enum Command {
     Rebuild(commands::rebuild::Args),
     /// Build the 3D model of a recording
     Build(commands::build::Args),
+    /// Say in words how good a built model is, and what is missing
+    Report(commands::report::Args),
     /// Learn how one sensor's depth errs, for all its later recordings
     Calibrate(commands::calibrate::Args),
     /// Write a marker board to print
@@ -101,6 +104,7 @@ pub fn run(cli: &Cli) -> anyhow::Result<u8> {
         Command::Devices(args) => commands::devices::run(args, &ui),
         Command::Doctor(args) => commands::doctor::run(args, &ui),
         Command::Rebuild(args) => commands::rebuild::run(args, &ui),
+        Command::Report(args) => commands::report::run(args, &ui),
         Command::Build(args) => commands::build::run(args, &ui),
         Command::Calibrate(args) => commands::calibrate::run(args, &ui),
         Command::Board(args) => commands::board::run(args, &ui),

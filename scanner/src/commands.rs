@@ -11,6 +11,7 @@ pub mod doctor;
 pub mod import;
 pub mod rebuild;
 pub mod record;
+pub mod report;
 pub mod resume;
 pub mod simulate;
 pub mod upload;

@@ -12,6 +12,7 @@ pub mod pictures;
 pub mod pipeline;
 pub mod record;
 pub mod recording;
+pub mod report_words;
 pub mod result;
 pub mod simulate;
 pub mod ui;

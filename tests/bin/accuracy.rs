@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Parser;
+use reconstruct::measure::extent;
 use reconstruct::pose::from_row_major;
 use scanner::config::Config;
 use scanner::pipeline;
@@ -21,6 +22,8 @@ const POSE_LIMIT_MM: f64 = 2.0;
 const SURFACE_LIMIT_MM: f64 = 1.0;
 /// Farther from the truth than this is an outlier, metres.
 const OUTLIER: f32 = 0.003;
+/// Farther is background, metres.
+const BACKGROUND: f32 = 0.010;
 
 /// Takes one figure from a scan.
 type Figure = fn(&Judged) -> f64;
@@ -56,6 +59,12 @@ struct Judged {
     surface_median: f64,
     surface_p95: f64,
     outlier_percent: f64,
+    /// Size against the truth, millimetres, and what was stated (95 %).
+    size_error: [f64; 3],
+    size_stated: [f64; 3],
+    size_metres: [f64; 3],
+    coverage_percent: f64,
+    background_percent: f64,
     scale_found: f64,
     good: bool,
     reason: String,
@@ -100,6 +109,9 @@ fn judge(scan: &SimulatedScan, built: &pipeline::Scan, simulate_ms: u128, build_
     let millimetres: Vec<f32> = poses.iter().map(|p| (p.metres * 1000.0) as f32).collect();
     let errors = Surface::of(&scan.truth.mesh)
         .map_or_else(Vec::new, |surface| surface_errors(&surface, &built.model.measured().points));
+    let background = errors.iter().filter(|&&e| e > BACKGROUND).count();
+    let truth = extent(&scan.truth.mesh.vertices.points);
+    let found = built.report.dimensions_m.unwrap_or([f64::NAN; 3]);
     let outliers = errors.iter().filter(|&&e| e > OUTLIER).count();
     let (pose_max, surface_median) = (percentile(&millimetres, 1.0), percentile(&errors, 0.5) * 1000.0);
     let reasons =
@@ -119,6 +131,11 @@ fn judge(scan: &SimulatedScan, built: &pipeline::Scan, simulate_ms: u128, build_
         surface_median,
         surface_p95: percentile(&errors, 0.95) * 1000.0,
         outlier_percent: 100.0 * outliers as f64 / errors.len().max(1) as f64,
+        size_error: std::array::from_fn(|k| (found[k] - truth[k]) * 1000.0),
+        size_stated: built.report.dimensions_uncertainty_m.unwrap_or([0.0; 3]).map(|u| u * 1000.0),
+        size_metres: truth,
+        coverage_percent: built.report.surface.as_ref().map_or(0.0, |s| s.coverage_percent),
+        background_percent: 100.0 * background as f64 / errors.len().max(1) as f64,
         scale_found: built.report.depth_calibration.scale,
         // Not a number where nothing was built: no success.
         good: pose_max <= POSE_LIMIT_MM && surface_median <= SURFACE_LIMIT_MM,
@@ -152,13 +169,18 @@ fn line(j: &Judged) -> String {
 
 fn print_summary(all: &[Judged]) {
     println!("{:24} {:>8} {:>8} {:>8}", "over all scans", "median", "p95", "worst");
-    let figures: [(&str, Figure); 7] = [
+    let figures: [(&str, Figure); 12] = [
         ("pose median, mm", |j| j.pose_median),
         ("pose worst view, mm", |j| j.pose_max),
         ("pose worst view, degrees", |j| j.degrees_max),
         ("surface median, mm", |j| j.surface_median),
         ("surface p95, mm", |j| j.surface_p95),
         ("outliers, percent", |j| j.outlier_percent),
+        ("background left, percent", |j| j.background_percent),
+        ("coverage stated, percent", |j| j.coverage_percent),
+        ("length error, mm", |j| j.size_error[0].abs()),
+        ("width error, mm", |j| j.size_error[1].abs()),
+        ("height error, mm", |j| j.size_error[2].abs()),
         ("build, ms", |j| j.build_ms as f64),
     ];
     for (name, figure) in figures {
@@ -178,8 +200,31 @@ fn print_summary(all: &[Judged]) {
         100.0 * low,
         100.0 * high,
     );
+    print_sizes(all);
     for failed in all.iter().filter(|j| !j.good) {
         println!("failed: {}", line(failed));
+    }
+}
+
+/// How many sizes are right, and how many lie within what was stated.
+fn print_sizes(all: &[Judged]) {
+    let sizes = || {
+        all.iter().flat_map(|j| {
+            (0..3).map(move |k| (k, j.size_error[k], j.size_stated[k], j.size_metres[k] * 1000.0))
+        })
+    };
+    let of = |name: &str, fits: &dyn Fn(f64, f64, f64) -> bool| {
+        let good = sizes().filter(|&(_, error, stated, size)| fits(error, stated, size)).count();
+        let (low, high) = wilson(good, sizes().count());
+        let share = 100.0 * good as f64 / sizes().count().max(1) as f64;
+        println!("{name}: {share:.1} % (95 % interval {:.1} to {:.1} %)", 100.0 * low, 100.0 * high);
+    };
+    of("sizes within 1 mm or 0.7 %", &|error, _, size| error.abs() <= (0.007 * size).max(1.0));
+    of("sizes within the stated \u{b1}", &|error, stated, _| error.abs() <= stated);
+    for (k, name) in ["length", "width", "height"].iter().enumerate() {
+        let of_side = || sizes().filter(move |s| s.0 == k && s.1.is_finite());
+        let mean = of_side().map(|s| s.1).sum::<f64>() / of_side().count().max(1) as f64;
+        println!("mean {name} error: {mean:+.2} mm");
     }
 }
 

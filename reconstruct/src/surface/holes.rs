@@ -24,6 +24,7 @@ pub(super) fn close(
     config: &SurfaceConfig,
 ) -> Vec<Hole> {
     let borders = topology::borders(&mesh.triangles);
+    let taken = zip::edges_between_borders(mesh, &borders);
     let mut found: Vec<(Hole, Vec<u32>)> = borders
         .into_iter()
         .map(|border| (look_at(mesh, &border, views, stands_on_floor, config), border))
@@ -37,8 +38,11 @@ pub(super) fn close(
     }
     for (hole, border) in &found {
         if hole.kind == HoleKind::Closed {
-            let close = if is_long(hole) { zip::zip } else { fill::fill };
-            close(mesh, border);
+            if is_long(hole) {
+                zip::zip(mesh, border, &taken);
+            } else {
+                fill::fill(mesh, border);
+            }
         }
     }
     normals_of_invented(mesh);

@@ -6,13 +6,12 @@ use std::collections::BTreeSet;
 use super::fill::{add_between, mean};
 use crate::mesh::Mesh;
 
-/// Closes a border with invented surface that keeps close to it.
-pub(super) fn zip(mesh: &mut Mesh, border: &[u32]) {
-    let taken = edges_between(mesh, border);
+/// Closes a border with invented surface that keeps close to it; `taken` are the edges that must not be made again.
+pub(super) fn zip(mesh: &mut Mesh, border: &[u32], taken: &BTreeSet<(u32, u32)>) {
     let mut rim = border.to_vec();
     let mut triangles = Vec::new();
     while rim.len() > 3 {
-        let Some(tip) = best_ear(mesh, &rim, &taken) else { break };
+        let Some(tip) = best_ear(mesh, &rim, taken) else { break };
         let n = rim.len();
         triangles.push([rim[(tip + 1) % n], rim[tip], rim[(tip + n - 1) % n]]);
         rim.remove(tip);
@@ -27,19 +26,15 @@ pub(super) fn zip(mesh: &mut Mesh, border: &[u32]) {
     }
 }
 
-/// Edges that the surface already has between vertices of the border.
-fn edges_between(mesh: &Mesh, border: &[u32]) -> BTreeSet<(u32, u32)> {
-    let on_border: BTreeSet<u32> = border.iter().copied().collect();
-    let mut edges = BTreeSet::new();
-    for t in &mesh.triangles {
-        for k in 0..3 {
-            let (a, b) = (t[k], t[(k + 1) % 3]);
-            if on_border.contains(&a) && on_border.contains(&b) {
-                edges.insert((a.min(b), a.max(b)));
-            }
-        }
+/// Edges that the surface already has between vertices of its borders.
+pub(super) fn edges_between_borders(mesh: &Mesh, borders: &[Vec<u32>]) -> BTreeSet<(u32, u32)> {
+    let mut on_border = vec![false; mesh.vertices.len()];
+    for &v in borders.iter().flatten() {
+        on_border[v as usize] = true;
     }
-    edges
+    let edges = mesh.triangles.iter().flat_map(|t| (0..3).map(|k| (t[k], t[(k + 1) % 3])));
+    let both = edges.filter(|&(a, b)| on_border[a as usize] && on_border[b as usize]);
+    both.map(|(a, b)| (a.min(b), a.max(b))).collect()
 }
 
 /// Vertex of the rim whose neighbours are nearest to each other and not joined yet.

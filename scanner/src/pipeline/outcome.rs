@@ -5,14 +5,19 @@ use reconstruct::mesh::Mesh;
 use reconstruct::pose;
 use reconstruct::report::surface::describe;
 use reconstruct::report::{CalibrationReport, LeftOut, Report, Verdict, ViewReport};
-use reconstruct::surface::Surface;
+use reconstruct::surface::{HoleKind, Surface};
 use serde_json::{Map, Value};
 
 use super::load::{View, Work};
 use crate::config::Config;
+use crate::report_words::hole_in_words;
 
 /// Fewer points are no model.
 const MIN_POINTS: usize = 500;
+/// Smaller unseen places are in the report, but no reason to warn, square metres.
+const WORTH_A_WARNING_M2: f64 = 3e-4;
+/// Most unseen places that are warned of.
+const MOST_HOLE_WARNINGS: usize = 3;
 /// Relative uncertainty of the printed board: paper and printer.
 const PRINT_SCALE_SD: f64 = 0.0015;
 
@@ -40,7 +45,7 @@ pub fn judge(
         Some(why) => (Verdict::Poor, why),
         None => verdict(scan, left_out),
     };
-    let report = Report {
+    let mut report = Report {
         version: 1,
         views: scan.views.iter().map(view_report).collect(),
         points: cloud.len(),
@@ -55,6 +60,10 @@ pub fn judge(
         software: env!("CARGO_PKG_VERSION").to_owned(),
         source_chain: None,
     };
+    let unseen =
+        surface.holes.iter().filter(|h| h.kind == HoleKind::Unseen && h.area_m2 > WORTH_A_WARNING_M2);
+    let in_words: Vec<String> = unseen.take(MOST_HOLE_WARNINGS).map(|h| hole_in_words(h, &report)).collect();
+    report.warnings.extend(in_words);
     (surface.mesh, report)
 }
 

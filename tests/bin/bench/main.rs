@@ -15,6 +15,7 @@ mod report;
 mod rows;
 mod scaling;
 mod tags;
+mod volume;
 mod voxel;
 
 use std::path::PathBuf;
@@ -68,6 +69,7 @@ fn run(bench: &Bench) -> anyhow::Result<()> {
     nearest::run(bench)?;
     features::run(bench)?;
     tags::run(bench)?;
+    volume::run(bench)?;
     scaling::run(bench);
     Ok(())
 }

@@ -57,6 +57,7 @@ pub(crate) fn read(files: &[impl AsRef<Path>]) -> anyhow::Result<Vec<Row>> {
 /// Whether a peer's stage does what ours does on the same input.
 pub(crate) fn is_same(ours: &str, peers: &str) -> bool {
     let tags = |family: &str| ours == format!("{family} detect") && peers.starts_with(family);
+    let volume = |name: &str| ours.starts_with(name) && peers.starts_with(name);
     // Some peers know text by the name .xyz alone; the file is a copy. Others find neighbours within both bounds at once.
     let text = |name: &str| name.replace(".xyz", ".asc");
     let hybrid = |name: &str| {
@@ -66,6 +67,8 @@ pub(crate) fn is_same(ours: &str, peers: &str) -> bool {
     ours == peers
         || text(ours) == text(peers)
         || ours == hybrid(peers)
+        || volume("tsdf integrate")
+        || volume("tsdf mesh")
         || tags("ARUCO 4x4_50")
         || tags("AprilTag 36h11")
 }
