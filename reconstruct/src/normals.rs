@@ -145,7 +145,7 @@ impl Moments {
 ///
 /// Eigenvalues by the trigonometric solution of the characteristic cubic (Smith 1961); the eigenvector is the largest
 /// cross product of two rows of `C - λI`, all of which are orthogonal to it.
-fn least_direction(c: &[f64; 6]) -> Option<(Vector3<f64>, f64)> {
+pub(crate) fn least_direction(c: &[f64; 6]) -> Option<(Vector3<f64>, f64)> {
     let trace = c[0] + c[3] + c[5];
     if !(trace.is_finite() && trace > 1e-18) {
         return None;

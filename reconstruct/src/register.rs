@@ -4,6 +4,7 @@
 //! Every stage can be called alone; transforms are `target_from_source`, lengths metres.
 
 pub mod extrapolate;
+pub mod fine;
 pub mod fpfh;
 pub mod global;
 pub mod gradient;
@@ -13,9 +14,12 @@ pub mod kernel;
 pub mod keypoints;
 pub mod link;
 pub mod matching;
+mod near_field;
+pub mod pairwise;
 pub mod plane;
 pub mod ransac;
 pub mod source_chain;
+pub mod surfel;
 pub mod svd;
 pub mod verify;
 pub mod view;

@@ -10,7 +10,9 @@ mod inputs;
 mod load;
 mod nearest;
 mod normals;
+mod pairs;
 mod reference;
+mod registration;
 mod report;
 mod rows;
 mod scaling;
@@ -68,6 +70,7 @@ fn run(bench: &Bench) -> anyhow::Result<()> {
     normals::run(bench)?;
     nearest::run(bench)?;
     features::run(bench)?;
+    registration::run(bench)?;
     tags::run(bench)?;
     volume::run(bench)?;
     scaling::run(bench);
