@@ -29,8 +29,11 @@ impl NearField {
                 hi[k] = hi[k].max(p[k]);
             }
         }
-        let small = (0..3).all(|k| (hi[k] - lo[k]).is_finite() && hi[k] >= lo[k]);
-        if !small || !(cell > 0.0 && reach > 0.0 && (cell + reach).is_finite()) {
+        let usable = (0..3).all(|k| (hi[k] - lo[k]).is_finite() && hi[k] >= lo[k])
+            && cell > 0.0
+            && reach > 0.0
+            && (cell + reach).is_finite();
+        if !usable {
             return Self { origin: [0.0; 3], per_metre: 1.0, sizes: [0; 3], cells: Vec::new() };
         }
         let origin = lo.map(|v| v - reach);
