@@ -71,8 +71,12 @@ fn every_cost_and_acceleration_ends_at_the_truth() {
             let found = register_fine(&source, &target, &start, &config).unwrap();
             let (turned, moved) = error(&found.target_from_source, &truth, &source.centre);
             println!("{cost:?} {acceleration:?}: {turned:.3} deg {moved:.3} mm {}", found.iterations);
-            // Points slide along a smooth lump, half covered: the start is 5 degrees and 10 mm off.
-            let limits = if cost == Cost::PointToPoint { (8.0, 6.0) } else { (0.4, 0.4) };
+            // The start is 5 degrees and 10 mm off. Points slide along a smooth lump; planes with slack along them are slow.
+            let limits = match cost {
+                Cost::PointToPoint => (8.0, 6.0),
+                Cost::PointToPlane | Cost::Symmetric => (0.3, 0.3),
+                Cost::PlaneToPlane => (1.0, 0.5),
+            };
             assert!(
                 turned < limits.0 && moved < limits.1,
                 "{cost:?} {acceleration:?}: {turned} deg {moved} mm"
