@@ -274,8 +274,10 @@ mod tests {
         let found = defects(&mesh);
         assert_eq!((found.crowded_edges, found.degenerate), (0, Defects::default().degenerate));
         let off = |p: &[f32; 3]| (Vector3::from(*p).cast::<f64>().dot(&normal) + 0.6).abs();
+        // a pixel is 4.6 mm wide there, and the nearest one counts
         let worst = mesh.vertices.points.iter().map(off).fold(0.0, f64::max);
-        assert!(worst < 0.0009, "{worst}");
+        let mean = mesh.vertices.points.iter().map(off).sum::<f64>() / mesh.vertices.len() as f64;
+        assert!(worst < 0.003 && mean < 0.0005, "{worst} {mean}");
         let facing = mesh.triangles.iter().filter(|t| mesh.twice_area_vector(t).dot(&normal) > 0.0).count();
         assert_eq!(facing, mesh.triangles.len());
     }
