@@ -35,6 +35,11 @@ impl Mesh {
         self.deviations_metres.get(vertex).is_some_and(|d| *d == INVENTED)
     }
 
+    /// How many vertices were measured.
+    pub fn measured_count(&self) -> usize {
+        (0..self.vertices.len()).filter(|&v| !self.is_invented(v)).count()
+    }
+
     /// The vertices that were measured.
     pub fn measured(&self) -> PointCloud {
         if !self.has_deviations() {

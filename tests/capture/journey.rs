@@ -97,7 +97,7 @@ fn build(daemon: &Daemon) -> Value {
         (&json!("views"), &Value::Null, &Value::Null)
     );
     let state = daemon.order("/api/build", &json!({}));
-    assert_eq!(state["build"]["of"], 7);
+    assert_eq!(state["build"]["of"], 8);
     let state = daemon.wait_for("the model", |state| state["step"] != "building");
     assert_eq!(state["step"], "result", "{state}");
     state

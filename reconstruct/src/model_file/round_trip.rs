@@ -80,6 +80,7 @@ proptest! {
         glb::write(&mesh, &mut bytes).unwrap();
         let back = read(Kind::Glb, bytes.as_slice(), &Limits::default()).unwrap();
         prop_assert_eq!(Kind::sniff(&bytes), Some(Kind::Glb));
+        prop_assert_eq!(&back.deviations_metres, &mesh.deviations_metres);
         prop_assert_eq!(&back.vertices.points, &mesh.vertices.points);
         prop_assert_eq!(&back.vertices.colors, &mesh.vertices.colors);
         prop_assert!(close(&back.vertices.normals, &mesh.vertices.normals, 1e-6));

@@ -45,14 +45,10 @@ pub fn describe(surface: &Surface) -> SurfaceReport {
         invented_m2: rounded(invented, 1e7),
         coverage_percent: rounded(100.0 * measured / to_see.max(1e-12), 10.0),
         watertight: !mesh.triangles.is_empty() && topology::borders(&mesh.triangles).is_empty(),
-        points_per_cm2: rounded(measured_vertices(mesh) as f64 / (measured * 1e4).max(1e-12), 10.0),
+        points_per_cm2: rounded(mesh.measured_count() as f64 / (measured * 1e4).max(1e-12), 10.0),
         deviation_mm: deviations_mm(mesh),
         holes: surface.holes.iter().map(rounded_hole).collect(),
     }
-}
-
-fn measured_vertices(mesh: &Mesh) -> usize {
-    (0..mesh.vertices.len()).filter(|&v| !mesh.is_invented(v)).count()
 }
 
 fn deviations_mm(mesh: &Mesh) -> [f64; 2] {

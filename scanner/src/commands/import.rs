@@ -78,7 +78,7 @@ fn run_model(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
     let mesh = model::read(&args.source)?;
     let name = args.source.file_name().unwrap_or_default().to_string_lossy().into_owned();
     result::write(&args.out, &mesh, &model::report(&mesh, &name))?;
-    let (points, triangles) = (mesh.vertices.len(), mesh.triangles.len());
+    let (points, triangles) = (mesh.measured_count(), mesh.triangles.len());
     let words = format!("{points} points and {triangles} triangles, written to {}", args.out.display());
     ui.result(&words, &json!({"out": args.out, "points": points, "triangles": triangles}));
     Ok(DONE)

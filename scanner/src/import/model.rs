@@ -39,7 +39,7 @@ pub fn report(mesh: &Mesh, source: &str) -> Value {
     json!({
         "version": 1,
         "views": [],
-        "points": mesh.vertices.len(),
+        "points": mesh.measured_count(),
         "triangles": mesh.triangles.len(),
         "dimensions_m": [x.max(y), x.min(y), height],
         "dimensions_uncertainty_m": null,

@@ -9,7 +9,7 @@ use super::color;
 use super::document::{Document, Node, Primitive, TextureUse};
 use super::{ModelError, bad_data};
 use crate::image::ColorImage;
-use crate::mesh::Mesh;
+use crate::mesh::{INVENTED, Mesh};
 use crate::model_file::{Limits, checked_point, unit_normals};
 
 const POINTS: u32 = 0;
@@ -31,6 +31,7 @@ struct Gatherer<'a> {
     mesh: Mesh,
     colored: bool,
     all_normals: bool,
+    all_deviations: bool,
 }
 
 /// Gathers everything the default scene shows.
@@ -42,8 +43,9 @@ pub(super) fn gather(
 ) -> Result<Mesh, ModelError> {
     let pictures = BTreeMap::new();
     let mesh = Mesh::default();
+    let (colored, all_normals, all_deviations) = (false, true, true);
     let mut gatherer =
-        Gatherer { document, binary, limits, decode, pictures, mesh, colored: false, all_normals: true };
+        Gatherer { document, binary, limits, decode, pictures, mesh, colored, all_normals, all_deviations };
     for (node, placed) in placed_nodes(document)? {
         if let Some(index) = document.nodes[node].mesh {
             for primitive in &item(&document.meshes, index, "mesh")?.primitives {
@@ -51,9 +53,12 @@ pub(super) fn gather(
             }
         }
     }
-    let Gatherer { mut mesh, colored, all_normals, .. } = gatherer;
+    let Gatherer { mut mesh, colored, all_normals, all_deviations, .. } = gatherer;
     if !colored {
         mesh.vertices.colors = Vec::new();
+    }
+    if !all_deviations {
+        mesh.deviations_metres = Vec::new();
     }
     mesh.vertices.normals = if all_normals { unit_normals(mesh.vertices.normals) } else { Vec::new() };
     Ok(mesh)
@@ -118,6 +123,7 @@ impl<'a> Gatherer<'a> {
         }
         self.add_normals(primitive, scene_from_node, count)?;
         self.add_colors(primitive, count)?;
+        self.add_deviations(primitive, count)?;
         if primitive.mode != POINTS {
             let flipped = scene_from_node.fixed_view::<3, 3>(0, 0).determinant() < 0.0;
             self.add_triangles(primitive, first, count, flipped)?;
@@ -150,6 +156,21 @@ impl<'a> Gatherer<'a> {
         for i in 0..count {
             let normal = z_up(&(turn * Vector3::from(normals.triple(i)))).map(|v| v as f32);
             self.mesh.vertices.normals.push(normal.into());
+        }
+        Ok(())
+    }
+
+    /// What the writer says of each vertex's standard deviation; negative where it was invented.
+    fn add_deviations(&mut self, primitive: &Primitive, count: usize) -> Result<(), ModelError> {
+        let Some(&index) = primitive.attributes.get("_DEVIATION") else {
+            self.all_deviations = false;
+            return Ok(());
+        };
+        let deviations = self.attribute(index, 1, count)?;
+        for i in 0..count {
+            let deviation = deviations.get(i, 0) as f32;
+            self.all_deviations &= !deviation.is_nan();
+            self.mesh.deviations_metres.push(if deviation < 0.0 { INVENTED } else { deviation });
         }
         Ok(())
     }
