@@ -22,7 +22,7 @@ pub fn write(out: &Path, mesh: &Mesh, report: &impl Serialize) -> Result<(), Out
     write_beside(out, mesh, report)?.commit()
 }
 
-/// As [`write`], but `out` stays as it is until what this returns is committed.
+/// As [`write()`], but `out` stays as it is until what this returns is committed.
 pub fn write_beside(out: &Path, mesh: &Mesh, report: &impl Serialize) -> Result<OutputDir, OutputError> {
     let dir = OutputDir::begin(out, &FILES)?;
     if !mesh.vertices.is_empty() {
