@@ -15,6 +15,7 @@ mod imports;
 mod interrupt;
 mod method_source;
 mod repeatable;
+mod report;
 mod secrets;
 mod sensors;
 pub(crate) mod support;

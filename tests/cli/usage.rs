@@ -4,13 +4,14 @@ use serde_json::Value;
 
 use super::support::{Broken, build, command, mug, scan};
 
-const COMMANDS: [&str; 14] = [
+const COMMANDS: [&str; 15] = [
     "capture",
     "resume",
     "devices",
     "doctor",
     "rebuild",
     "build",
+    "report",
     "calibrate",
     "board",
     "import",
