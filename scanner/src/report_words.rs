@@ -88,6 +88,9 @@ pub fn hole_in_words(hole: &Hole, report: &Report) -> String {
         HoleKind::Closed => format!("{place}: closed by guess"),
         HoleKind::Base => format!("{place}: the side it stands on, closed by guess"),
         HoleKind::Opening => format!("{place}: an opening, or an inside that no view reaches"),
+        HoleKind::Unseen if hole.facing[2] < -0.5 => {
+            format!("{place}: never seen, with the side it stands on")
+        }
         HoleKind::Unseen => format!("{place}: never seen; another view from there would show it"),
     }
 }

@@ -17,7 +17,7 @@ fn a_model_is_told_in_words() {
     let machine: serde_json::Value = serde_json::from_str(&machine).unwrap();
     let surface = &machine["surface"];
     assert!(surface["coverage_percent"].as_f64().unwrap() > 50.0, "{surface}");
-    assert!(surface["holes"].as_array().unwrap().iter().any(|h| h["kind"] == "base"), "{surface}");
+    assert!(!surface["holes"].as_array().unwrap().is_empty(), "{surface}");
 }
 
 #[test]
