@@ -38,7 +38,7 @@ pub struct SurfaceConfig {
     pub min_piece: f64,
     /// Holes with a shorter rim are closed, metres.
     pub closed_rim_metres: f64,
-    /// So are cracks: longer holes that are narrower than this on average, metres.
+    /// So are cracks: longer holes whose two sides are nearer to each other than this, metres.
     pub crack_metres: f64,
     /// A view that sees this much farther than a hole's middle looks through it, metres.
     pub see_through_metres: f64,

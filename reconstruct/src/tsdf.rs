@@ -37,8 +37,9 @@ impl Default for VolumeConfig {
 const STRIDE: usize = 2;
 /// Weights stop growing here, so that what changes in the scene is believed in the end.
 const MAX_WEIGHT: f32 = 255.0;
-/// Blocks are counted from here on every axis, so that places stay positive.
-const MIDDLE: f32 = (MAX_PLACE / 2) as f32;
+/// The world's origin is at this block on every axis, so that places stay positive. A power of two: the first block's place is
+/// then exact in single precision.
+const MIDDLE: i32 = 1 << 19;
 
 #[derive(Debug, Clone)]
 struct Block {
@@ -128,7 +129,7 @@ impl Volume {
             std::array::from_fn(|c| if block.weight[c] < min_weight { f32::NAN } else { block.distance[c] })
         };
         Blocks {
-            origin: [-MIDDLE * SIDE as f32 * self.config.voxel_metres; 3],
+            origin: [-(MIDDLE as f32) * SIDE as f32 * self.config.voxel_metres; 3],
             voxel_metres: self.config.voxel_metres,
             keys: order.iter().map(|&b| self.keys[b as usize]).collect(),
             values: order.par_iter().map(values).collect(),
@@ -165,7 +166,7 @@ fn touched_blocks(picture: &DepthPicture, config: &VolumeConfig) -> Vec<u64> {
                 for (k, last) in last.iter_mut().enumerate() {
                     let depth = z + (k as f32 - 1.0) * config.truncation_metres;
                     let p = (eye + ray * depth) / size;
-                    let at = [p.x, p.y, p.z].map(|c| (c + MIDDLE).clamp(0.0, MAX_PLACE as f32) as u32);
+                    let at = [p.x, p.y, p.z].map(block_place);
                     let key = key(at);
                     if key != *last {
                         *last = key;
@@ -183,11 +184,16 @@ fn touched_blocks(picture: &DepthPicture, config: &VolumeConfig) -> Vec<u64> {
     touched
 }
 
+/// Place of the block that holds a coordinate, counted in blocks from the world's origin.
+fn block_place(coordinate: f32) -> u32 {
+    (coordinate.floor() as i32).saturating_add(MIDDLE).clamp(0, MAX_PLACE as i32) as u32
+}
+
 /// Averages a picture into one block, a row of eight voxels at a time.
 #[inline(always)]
 fn update(block: &mut Block, key: u64, projection: &Projection, config: &VolumeConfig) {
     let at = place(key);
-    let first = Vector3::from(at.map(|c| (c as f32 - MIDDLE) * SIDE as f32 * config.voxel_metres));
+    let first = Vector3::from(at.map(|c| (c as i32 - MIDDLE) as f32 * SIDE as f32 * config.voxel_metres));
     let corner = projection.camera_from_world * first + projection.origin_in_camera;
     let step = projection.camera_from_world * config.voxel_metres;
     for z in 0..SIDE {
@@ -249,7 +255,7 @@ mod tests {
 
     #[test]
     fn a_tilted_plane_becomes_a_true_mesh_from_two_sides() {
-        let camera = Intrinsics::pinhole(160, 120, 131.0, 131.0, 79.5, 59.5);
+        let camera = Intrinsics::pinhole(640, 480, 525.0, 525.0, 319.5, 239.5);
         let rays = camera.ray_table();
         let normal = Vector3::new(0.2f64, -0.1, -1.0).normalize();
         let mut volume = Volume::new(VolumeConfig::default());
@@ -274,10 +280,10 @@ mod tests {
         let found = defects(&mesh);
         assert_eq!((found.crowded_edges, found.degenerate), (0, Defects::default().degenerate));
         let off = |p: &[f32; 3]| (Vector3::from(*p).cast::<f64>().dot(&normal) + 0.6).abs();
-        // a pixel is 4.6 mm wide there, and the nearest one counts
+        // a pixel is 1.1 mm wide there, and the nearest one counts
         let worst = mesh.vertices.points.iter().map(off).fold(0.0, f64::max);
         let mean = mesh.vertices.points.iter().map(off).sum::<f64>() / mesh.vertices.len() as f64;
-        assert!(worst < 0.003 && mean < 0.001, "{worst} {mean}");
+        assert!(worst < 0.0009 && mean < 0.0003, "{worst} {mean}");
         let facing = mesh.triangles.iter().filter(|t| mesh.twice_area_vector(t).dot(&normal) > 0.0).count();
         assert_eq!(facing, mesh.triangles.len());
     }

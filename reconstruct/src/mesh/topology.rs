@@ -66,6 +66,9 @@ pub fn borders(triangles: &[[u32; 3]]) -> Vec<Loop> {
     loops
 }
 
+/// Share of the way into its fan by which a parted vertex moves: vertices in one place would make triangles without area.
+const PARTED: f32 = 0.02;
+
 /// Gives every fan round a vertex a vertex of its own, so that borders touch nowhere.
 pub fn split_touching_vertices(mesh: &mut Mesh) {
     let border = border_edges(&mesh.triangles);
@@ -82,14 +85,30 @@ pub fn split_touching_vertices(mesh: &mut Mesh) {
             }
         }
     }
+    let mut moved = Vec::new();
     for (&vertex, triangles) in touching.iter().zip(&around) {
-        for fan in fans(&mesh.triangles, vertex, triangles).iter().skip(1) {
-            let copy = duplicate(mesh, vertex as usize);
+        for (i, fan) in fans(&mesh.triangles, vertex, triangles).iter().enumerate() {
+            let own = if i == 0 { vertex } else { duplicate(mesh, vertex as usize) };
             for &t in fan {
-                mesh.triangles[t as usize].iter_mut().filter(|v| **v == vertex).for_each(|v| *v = copy);
+                mesh.triangles[t as usize].iter_mut().filter(|v| **v == vertex).for_each(|v| *v = own);
             }
+            moved.push((own, place_in(mesh, own, fan)));
         }
     }
+    for (vertex, place) in moved {
+        mesh.vertices.points[vertex as usize] = place;
+    }
+}
+
+/// Place a little from a vertex towards the middle of its fan.
+fn place_in(mesh: &Mesh, vertex: u32, fan: &[u32]) -> [f32; 3] {
+    let corners = || fan.iter().flat_map(|&t| mesh.triangles[t as usize]).filter(|&v| v != vertex);
+    let count = corners().count().max(1) as f32;
+    let at = mesh.vertices.points[vertex as usize];
+    std::array::from_fn(|k| {
+        let middle = corners().map(|v| mesh.vertices.points[v as usize][k]).sum::<f32>() / count;
+        at[k] + PARTED * (middle - at[k])
+    })
 }
 
 /// Triangles round a vertex, grouped so that those of a group share edges at it.

@@ -2,8 +2,9 @@
 
 use pulp::Simd;
 
-/// Newton steps for the smallest eigenvalue, from 0: below it the characteristic polynomial is convex, so none overshoots.
-const STEPS: usize = 6;
+/// Newton steps for the smallest eigenvalue, from 0: below it the characteristic polynomial is concave and rising, so none
+/// overshoots. Near a second eigenvalue a step only halves the error until it is smaller than their distance.
+const STEPS: usize = 12;
 /// Least length of an adjugate's column (of a covariance with trace 1): shorter ones are rounding.
 const LEAST: f32 = 1e-5;
 

@@ -43,7 +43,9 @@ impl Blocks {
     /// Coordinates of a block's first corner, metres.
     pub fn corner_of(&self, block: usize) -> [f32; 3] {
         let at = place(self.keys[block]);
-        std::array::from_fn(|k| self.origin[k] + (at[k] * SIDE as u32) as f32 * self.voxel_metres)
+        // In double precision: far blocks of a far origin would else lie a voxel off.
+        let along = |k: usize| f64::from(at[k] * SIDE as u32) * f64::from(self.voxel_metres);
+        std::array::from_fn(|k| (f64::from(self.origin[k]) + along(k)) as f32)
     }
 }
 

@@ -16,6 +16,11 @@ const LEAST_BASE_AREA: f64 = 0.5e-4;
 /// Shorter rims are the raggedness of the surface's edge: closed without being named, metres.
 const UNNAMED_RIM_METRES: f64 = 0.012;
 
+/// Share of a crack's rim that has the rim's other side near; its two ends have none.
+const CRACK_SHARE: f64 = 0.65;
+/// Longer rims are no cracks: every corner is compared with every other.
+const MOST_CRACK_CORNERS: usize = 4000;
+
 /// Closes what may be closed; returns all holes worth naming, the largest first.
 pub(super) fn close(
     mesh: &mut Mesh,
@@ -52,9 +57,24 @@ pub(super) fn close(
     holes
 }
 
-/// Width of a long hole: a rim goes along it and back.
-fn mean_width(area_m2: f64, rim_m: f64) -> f64 {
-    2.0 * area_m2 / rim_m
+/// Whether the two sides of a rim run close to each other: within `width_metres` along nearly all of it. The area it spans
+/// does not tell, for a band round a product spans none to any one side.
+fn is_crack(rim: &[Vector3<f64>], width_metres: f64) -> bool {
+    if rim.len() > MOST_CRACK_CORNERS {
+        return false;
+    }
+    let mut along = vec![0.0];
+    for (a, b) in rim.iter().zip(rim.iter().cycle().skip(1)) {
+        along.push(along[along.len() - 1] + (b - a).norm());
+    }
+    let whole = along[rim.len()];
+    let has_other_side = |i: usize| {
+        (0..rim.len()).any(|j| {
+            let apart = (along[i] - along[j]).abs();
+            apart.min(whole - apart) > 2.0 * width_metres && (rim[i] - rim[j]).norm() < width_metres
+        })
+    };
+    (0..rim.len()).filter(|&i| has_other_side(i)).count() as f64 >= CRACK_SHARE * rim.len() as f64
 }
 
 /// Whether a hole is much longer than wide.
@@ -83,7 +103,7 @@ fn look_at(
     let is_base = stands_on_floor && facing.z < FACES_DOWN && low >= LOW_SHARE && area_m2 > LEAST_BASE_AREA;
     let kind = if is_base {
         HoleKind::Base
-    } else if mean_width(area_m2, rim_m) < config.crack_metres {
+    } else if is_crack(&points, config.crack_metres) {
         HoleKind::Closed
     } else if is_seen_through(&center, &points, views, config) {
         HoleKind::Opening

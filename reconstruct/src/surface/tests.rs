@@ -109,6 +109,27 @@ fn small_holes_are_closed_and_marked_and_large_ones_listed() {
     );
 }
 
+/// A rim round a product has nearly no area to any one side: it must not be taken for a crack.
+#[test]
+fn an_unseen_band_round_a_product_stays_open_and_cracks_are_closed() {
+    let radius = 0.03f32;
+    let side = sampled(16_000, 6, |u, v| {
+        let (angle, z) = (u * std::f32::consts::TAU, 0.002 + v * 0.08);
+        let (s, c) = angle.sin_cos();
+        let in_band = angle < 5.5 && (z - 0.025).abs() < 0.008;
+        let in_crack = angle < 3.0 && (z - 0.065).abs() < 0.0015;
+        (!in_band && !in_crack).then_some(([radius * c, radius * s, z], [c, s, 0.0]))
+    });
+    let made = surface(&fused(side), &[], true, &SurfaceConfig::default());
+    assert_eq!(defects(&made.mesh), Defects::default());
+    let kind_at = |height: f64| {
+        let near = made.holes.iter().filter(|h| (h.center_m[2] - height).abs() < 0.004);
+        near.max_by(|a, b| a.rim_m.total_cmp(&b.rim_m)).map(|h| h.kind)
+    };
+    assert_eq!(kind_at(0.025), Some(HoleKind::Unseen), "{:?}", made.holes);
+    assert_eq!(kind_at(0.065), Some(HoleKind::Closed), "{:?}", made.holes);
+}
+
 #[test]
 fn nothing_gives_nothing() {
     let made = surface(&Fused::default(), &[], true, &SurfaceConfig::default());

@@ -6,6 +6,11 @@ use std::collections::BTreeSet;
 use super::fill::{add_between, mean};
 use crate::mesh::Mesh;
 
+/// Triangles below this area count as lines, square metres.
+const LEAST_AREA_M2: f64 = 1e-10;
+/// How far the middle of a line is moved outwards, metres.
+const LIFT_METRES: f32 = 0.00003;
+
 /// Closes a border with invented surface that keeps close to it; `taken` are the edges that must not be made again.
 pub(super) fn zip(mesh: &mut Mesh, border: &[u32], taken: &BTreeSet<(u32, u32)>) {
     let mut rim = border.to_vec();
@@ -17,13 +22,22 @@ pub(super) fn zip(mesh: &mut Mesh, border: &[u32], taken: &BTreeSet<(u32, u32)>)
         rim.remove(tip);
     }
     for [a, b, c] in triangles.into_iter().chain((rim.len() == 3).then(|| [rim[2], rim[1], rim[0]])) {
-        let middle = mean(mesh, &[a, b, c]);
+        let middle = off_the_line(mesh, [a, b, c], mean(mesh, &[a, b, c]));
         let m = add_between(mesh, a as usize, &middle, 1.0);
         mesh.triangles.extend([[a, b, m], [b, c, m], [c, a, m]]);
     }
     if rim.len() > 3 {
         super::fill::fill(mesh, &rim);
     }
+}
+
+/// The middle of three corners, moved a little outwards where these lie on one line, so that no triangle is without area.
+fn off_the_line(mesh: &Mesh, corners: [u32; 3], middle: [f32; 3]) -> [f32; 3] {
+    if mesh.area(&corners) > LEAST_AREA_M2 {
+        return middle;
+    }
+    let outward = mesh.vertices.normals[corners[0] as usize];
+    std::array::from_fn(|k| middle[k] + LIFT_METRES * outward[k])
 }
 
 /// Edges that the surface already has between vertices of its borders.

@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { bodyBytes, LANES, StreamDecoder, StreamError } from "./stream";
+import { bodyBytes, INVENTED, LANES, MEASURED, StreamDecoder, StreamError } from "./stream";
 import { encodeStream, type FixtureOptions, type FixturePoint } from "./stream.fixture";
 
 const UP = [0, 0, 1] as const;
@@ -50,6 +50,15 @@ describe("StreamDecoder", () => {
       }
       expect([...model.normals.subarray(i * LANES, i * LANES + 3)]).toEqual([0, 0, 127]);
     });
+  });
+
+  it("tells invented points from measured ones", () => {
+    const bytes = encodeStream(cloud(7), { chunkPoints: 4, deviations: [3, 255, 0, 254, 255, 9, 10] });
+    const { model, inventedPoints } = decode(bytes, 5);
+    const flags = Array.from({ length: 7 }, (_, i) => model?.colors[i * LANES + 3]);
+    const [m, i] = [MEASURED, INVENTED];
+    expect(flags).toEqual([m, i, m, m, i, m, m]);
+    expect(inventedPoints).toBe(2);
   });
 
   it.each<[string, FixtureOptions]>([
