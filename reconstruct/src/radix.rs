@@ -8,7 +8,8 @@ const VALUES: usize = 1 << DIGIT_BITS;
 pub(crate) fn sort_by_bits(keys: &mut Vec<u64>, from: u32, bits: u32) {
     let digit = |first: u32| {
         let mask = (1u64 << DIGIT_BITS.min(bits.saturating_sub(first))) - 1;
-        let shift = from + first.min(bits);
+        // Past the last digit the mask is empty; a shift by all 64 bits would be none at all.
+        let shift = (from + first.min(bits)).min(u64::BITS - 1);
         move |key: u64| ((key >> shift) & mask) as usize & (VALUES - 1)
     };
     let mut counts = [0u32; VALUES];
@@ -51,5 +52,14 @@ mod tests {
             sort_by_bits(&mut keys, from, bits);
             prop_assert_eq!(keys, expected);
         }
+    }
+
+    #[test]
+    fn sorts_by_the_highest_bits_and_by_none() {
+        let mut keys = vec![u64::MAX, 5, 1 << 63, 7 << 40, 5];
+        sort_by_bits(&mut keys, 30, 0);
+        assert_eq!(keys, [u64::MAX, 5, 1 << 63, 7 << 40, 5]);
+        sort_by_bits(&mut keys, 31, 33);
+        assert_eq!(keys, [5, 5, 7 << 40, 1 << 63, u64::MAX]);
     }
 }
