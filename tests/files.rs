@@ -225,7 +225,7 @@ fn a_model_is_imported_with_all_its_files() {
     let path = out.path().join("in.ply");
     ply::write(&models()[2], File::create(&path).unwrap()).unwrap();
     let mesh = import::model::read(&path).unwrap();
-    let report = import::model::report(&mesh, "in.ply");
+    let report = import::model::report(&mesh, "in.ply", &[]);
     scanner::result::write(&out.path().join("out"), &mesh, &report).unwrap();
     for name in ["model.asc", "model.ply", "model.glb"] {
         let back = read_model(&out.path().join("out").join(name));

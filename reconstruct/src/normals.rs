@@ -12,7 +12,10 @@ use crate::simd::run;
 
 mod eigen;
 mod organised;
+mod orient;
 mod scattered;
+
+pub use orient::orient;
 
 /// Which points are neighbours.
 #[derive(Debug, Clone, Copy, PartialEq)]

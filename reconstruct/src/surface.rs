@@ -13,6 +13,7 @@ pub mod cubes;
 mod distance;
 mod fill;
 mod holes;
+pub mod poisson;
 mod zip;
 
 use serde::{Deserialize, Serialize};

@@ -8,6 +8,7 @@ pub mod model;
 pub mod oni;
 pub mod pairs;
 pub mod seven_scenes;
+pub mod surface;
 pub mod trajectory;
 pub mod tum;
 

@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 
 use reconstruct::cloud::PointCloud;
 use reconstruct::image::DepthImage;
+use reconstruct::mesh::Mesh;
+use reconstruct::mesh::topology::{Defects, borders, defects};
 use reconstruct::model_file::Limits;
 use scanner::pictures::{decode_depth, encode_depth};
 use tempfile::TempDir;
@@ -270,6 +272,95 @@ fn coordinates_without_a_number() {
         assert!(ran.err.contains("line 2"), "{}", ran.err);
         assert_eq!(names(foreign.home.path()), ["foreign"]);
     }
+}
+
+/// Points of an upright egg, 60 mm wide and 90 mm high, in millimetres and without normals; `below` keeps them so low.
+fn egg(count: usize, keep: impl Fn(f32) -> bool) -> String {
+    let mut text = String::new();
+    for i in 0..count {
+        let z = 1.0 - (2 * i + 1) as f32 / count as f32;
+        let (s, c) = (2.399_963_2 * i as f32).sin_cos();
+        let flat = 30.0 * (1.0 - z * z).sqrt();
+        if keep(45.0 * z) {
+            writeln!(text, "{:.3} {:.3} {:.3} 200 100 50", flat * c, flat * s, 45.0 * z).unwrap();
+        }
+    }
+    text
+}
+
+/// Runs `import --surface poisson` on points; gives the model and the words.
+fn surface_of(points: &str, more: &[&str]) -> (Mesh, Ran) {
+    let foreign = Foreign::new();
+    foreign.write("cloud.asc", points);
+    let (cloud, out) = (foreign.folder().join("cloud.asc"), foreign.home.path().join("out"));
+    let fixed = ["import", cloud.to_str().unwrap(), "--out", out.to_str().unwrap(), "--surface", "poisson"];
+    let ran = scan(fixed.iter().chain(more)).with_status(0);
+    assert_eq!(names(&out), RESULT);
+    let bytes = fs::read(out.join("model.ply")).unwrap();
+    let mesh = reconstruct::model_file::ply::read(bytes.as_slice(), &Limits::default()).unwrap();
+    let told = &json(&out.join("report.json"))["warnings"];
+    for warning in ran.complaints() {
+        let words = warning.strip_prefix("warning: ").unwrap();
+        assert!(told.as_array().unwrap().iter().any(|w| w == words), "{words} is not in {told}");
+    }
+    nothing_half_written(foreign.home.path());
+    (mesh, ran)
+}
+
+#[test]
+fn a_cloud_becomes_a_closed_surface() {
+    let (mesh, ran) = surface_of(&egg(20_000, |_| true), &["--depth", "7"]);
+    assert!(borders(&mesh.triangles).is_empty());
+    assert_eq!(defects(&mesh), Defects::default());
+    assert!(ran.complaints().is_empty(), "{}", ran.err);
+    let (low, high) = mesh.vertices.bounds().unwrap();
+    for (k, size) in [0.06, 0.06, 0.09].into_iter().enumerate() {
+        assert!((high[k] - low[k] - size).abs() < 0.0006, "{} along {k}", high[k] - low[k]);
+    }
+    let facing = mesh.triangles.iter().map(|t| {
+        let [x, y, z] = mesh.vertices.points[t[0] as usize].map(f64::from);
+        mesh.twice_area_vector(t).dot(&[x, y, z].into())
+    });
+    let volume = facing.sum::<f64>() / 6.0;
+    assert!(
+        (volume / (4.0 / 3.0 * std::f64::consts::PI * 0.03 * 0.03 * 0.045) - 1.0).abs() < 0.02,
+        "{volume}"
+    );
+    assert!(mesh.vertices.colors.iter().all(|c| *c == [200, 100, 50]));
+    assert_eq!(mesh.measured_count(), mesh.vertices.len());
+}
+
+#[test]
+fn what_no_point_is_near_is_marked_and_told() {
+    let (mesh, ran) = surface_of(&egg(20_000, |z| z > -20.0), &["--depth", "7"]);
+    assert!(borders(&mesh.triangles).is_empty());
+    let said = ran.complaints();
+    assert!(said.len() == 1 && said[0].contains("% of the surface is invented"), "{}", ran.err);
+    let invented = (0..mesh.vertices.len()).filter(|&v| mesh.is_invented(v));
+    let invented: Vec<f32> = invented.map(|v| mesh.vertices.points[v][2]).collect();
+    assert!(invented.len() > 500 && invented.iter().all(|z| *z < -0.015), "{}", invented.len());
+}
+
+#[test]
+fn clouds_that_have_no_surface() {
+    let line: String = (0..200).map(|i| format!("{i} 0 0 1 2 3\n")).collect();
+    for (points, words) in [
+        ("0 0 0 1 2 3\n1 0 0 1 2 3\n0 1 0 1 2 3\n", "3 points have a place and a normal"),
+        (&"5 5 5 1 2 3\n".repeat(100), "0 points have a place and a normal"),
+        (&line, "0 points have a place and a normal"),
+    ] {
+        let foreign = Foreign::new();
+        foreign.write("cloud.asc", points);
+        let (cloud, out) = (foreign.folder().join("cloud.asc"), foreign.home.path().join("out"));
+        let arguments = ["import", cloud.to_str().unwrap(), "--surface", "poisson", "--out"];
+        let ran = scan(arguments.into_iter().chain([out.to_str().unwrap()])).with_status(2);
+        assert_eq!(ran.complaints().len(), 1, "{}", ran.err);
+        assert!(ran.err.contains("cloud.asc") && ran.err.contains(words), "{}", ran.err);
+        assert_eq!(names(foreign.home.path()), ["foreign"]);
+    }
+    let foreign = Foreign::new();
+    let ran = foreign.import(&["--surface", "poisson"]).with_status(2);
+    assert!(ran.err.contains("--surface is for models"), "{}", ran.err);
 }
 
 #[test]

@@ -44,7 +44,7 @@ fn every_command_is_in_the_list() {
 
 #[test]
 fn wrong_usage() {
-    let usages: [(&str, &[&str]); 11] = [
+    let usages: [(&str, &[&str]); 12] = [
         ("unknown_command", &["scann"]),
         ("unknown_option", &["build", "rec", "--out", "out", "--colour"]),
         ("no_out", &["build", "rec"]),
@@ -58,6 +58,7 @@ fn wrong_usage() {
             &["simulate", "--product", "mug", "--out", "rec", "--no-board", "--knock", "1"],
         ),
         ("unknown_shell", &["completions", "tcsh"]),
+        ("depth_without_surface", &["import", "cloud.ply", "--out", "out", "--depth", "9"]),
         ("camera_of_two_numbers", &["import", "pictures", "--out", "rec", "--color-camera", "525,525"]),
     ];
     for (name, arguments) in usages {

@@ -11,6 +11,7 @@ export COMPARE_DATA=$work/data OMP_NUM_THREADS=1
 python=$work/venv/bin/python
 "$python" -c 'import kiss_matcher' 2>/dev/null || "$work/venv/bin/pip" install -q kiss-matcher
 [ -d "$COMPARE_DATA/tags" ] || "$python" tests/compare/tags.py "$work/py/aruco.py" "$COMPARE_DATA/tags"
+[ -f "$COMPARE_DATA/syn/bunny/poisson_in.ply" ] || (cd "$work" && "$python" py/poisson.py none prep)
 cargo build --release --locked -p tests --bin bench
 bench=target/release/bench
 taskset -c 0 $bench | tee "$work/ours.csv"
@@ -18,4 +19,5 @@ $bench --threads 2 | tee "$work/ours-2.csv"
 "$peers/run.sh" "${1:-quick}" | tee "$work/peers.csv"
 (cd "$work" && taskset -c 0 ./cpp/knn 1) | tee -a "$work/peers.csv"
 taskset -c 0 "$python" tests/compare/features.py | tee -a "$work/peers.csv"
+[ "${1:-quick}" = all ] || (cd "$work" && taskset -c 0 "$python" py/poisson.py o3d) | tee -a "$work/peers.csv"
 $bench report "$work/ours.csv" "$work/ours-2.csv" "$work/peers.csv" --out docs --date "$(date +%F)"

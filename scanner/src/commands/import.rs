@@ -2,14 +2,18 @@
 
 use std::path::PathBuf;
 
-use anyhow::bail;
+use anyhow::{Context, bail};
+use reconstruct::mesh::Mesh;
 use reconstruct::pose::{self, Pose};
 use serde_json::json;
 
 use crate::cli::DONE;
-use crate::import::{self, ImportError, Kind, Options, Written, model, oni};
+use crate::import::{self, ImportError, Kind, Options, Written, model, oni, surface};
 use crate::result;
 use crate::ui::Ui;
+
+/// Depth of a surface where none is given.
+const DEPTH: u32 = 8;
 
 const AFTER_HELP: &str = "\
 Examples:
@@ -20,6 +24,7 @@ Examples:
   scan-product import walk.oni --out rec                          OpenNI's recording, by libOpenNI2
   scan-product import dump --out rec                              libfreenect's, of fakenect-record
   scan-product import model.asc --out out                       a model: .asc, .ply, .pcd or .glb
+  scan-product import cloud.ply --out out --surface poisson     points become a closed surface
 
 Poses that come with the data are kept beside as poses.json, for comparison; build does not use them.";
 
@@ -63,10 +68,19 @@ pub struct Args {
     /// Take every N-th pair of pictures only
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     every: u32,
+    /// Make a surface of a model's points, by their normals where the file has some
+    #[arg(long, value_name = "METHOD")]
+    surface: Option<surface::Method>,
+    /// How fine the surface is: the box round the points has 2^DEPTH cells along an axis, 4 to 10 [default: 8]
+    #[arg(long, value_name = "DEPTH", requires = "surface", value_parser = clap::value_parser!(u32).range(4..=10))]
+    depth: Option<u32>,
 }
 
 /// Runs the command.
 pub fn run(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
+    if args.surface.is_some() && (!args.source.is_file() || oni::is_one(&args.source)) {
+        bail!("--surface is for models (.asc, .ply, .pcd, .glb); a recording gets its surface by build");
+    }
     match args.source.is_file() {
         true if oni::is_one(&args.source) => run_oni(args, ui),
         true => run_model(args, ui),
@@ -75,13 +89,27 @@ pub fn run(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
 }
 
 fn run_model(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
-    let mesh = model::read(&args.source)?;
+    let (mesh, warnings) = with_surface(model::read(&args.source)?, args, ui)?;
     let name = args.source.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    result::write(&args.out, &mesh, &model::report(&mesh, &name))?;
+    result::write(&args.out, &mesh, &model::report(&mesh, &name, &warnings))?;
     let (points, triangles) = (mesh.measured_count(), mesh.triangles.len());
     let words = format!("{points} points and {triangles} triangles, written to {}", args.out.display());
     ui.result(&words, &json!({"out": args.out, "points": points, "triangles": triangles}));
     Ok(DONE)
+}
+
+/// The model, or the surface of its points with what is to be said of it.
+fn with_surface(model: Mesh, args: &Args, ui: &Ui) -> anyhow::Result<(Mesh, Vec<String>)> {
+    let Some(surface::Method::Poisson) = args.surface else { return Ok((model, Vec::new())) };
+    let depth = args.depth.unwrap_or(DEPTH);
+    let stage = ui.stage("Making the surface", 0);
+    let made = surface::of_points(model, depth).with_context(|| args.source.display().to_string())?;
+    stage.done();
+    let warnings = surface::warnings(&made, depth);
+    for warning in &warnings {
+        ui.warn(warning);
+    }
+    Ok((made.mesh, warnings))
 }
 
 fn run_oni(args: &Args, ui: &Ui) -> anyhow::Result<u8> {

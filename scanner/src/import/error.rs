@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use kinect::source::SourceError;
 use reconstruct::model_file::ModelError;
+use reconstruct::surface::poisson::PoissonError;
 
 use crate::output::OutputError;
 use crate::pictures::PictureError;
@@ -50,6 +51,9 @@ pub enum ImportError {
         /// What is wrong.
         what: String,
     },
+    /// Points of which no surface can be made.
+    #[error("no surface can be made of the points: {0}")]
+    Surface(#[from] PoissonError),
     /// Nothing to bring in.
     #[error(
         "no pair of colour and depth pictures was found; check that both lie in the folder and belong together"

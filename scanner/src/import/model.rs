@@ -29,13 +29,15 @@ pub fn read(path: &Path) -> Result<Mesh, ImportError> {
     model_file::read(kind, reader, &Limits::default()).map_err(model)
 }
 
-/// What can be said of a model nobody scanned: its extent along the axes.
-pub fn report(mesh: &Mesh, source: &str) -> Value {
+/// What can be said of a model nobody scanned: its extent along the axes, and the `warnings` of what was made of it.
+pub fn report(mesh: &Mesh, source: &str, warnings: &[String]) -> Value {
     let size = mesh
         .vertices
         .bounds()
         .map_or([0.0; 3], |(low, high)| std::array::from_fn(|k| f64::from(high[k]) - f64::from(low[k])));
     let [x, y, height] = size;
+    let unknown = format!("imported from {source}: how it was measured is not known");
+    let warnings: Vec<&String> = std::iter::once(&unknown).chain(warnings).collect();
     json!({
         "version": 1,
         "views": [],
@@ -44,7 +46,7 @@ pub fn report(mesh: &Mesh, source: &str) -> Value {
         "dimensions_m": [x.max(y), x.min(y), height],
         "dimensions_uncertainty_m": null,
         "depth_calibration": null,
-        "warnings": [format!("imported from {source}: how it was measured is not known")],
+        "warnings": warnings,
         "verdict": "acceptable",
         "timings_ms": {},
         "software": env!("CARGO_PKG_VERSION"),

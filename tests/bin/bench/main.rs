@@ -11,6 +11,7 @@ mod load;
 mod nearest;
 mod normals;
 mod pairs;
+mod poisson;
 mod reference;
 mod registration;
 mod report;
@@ -73,6 +74,7 @@ fn run(bench: &Bench) -> anyhow::Result<()> {
     registration::run(bench)?;
     tags::run(bench)?;
     volume::run(bench)?;
+    poisson::run(bench)?;
     scaling::run(bench);
     Ok(())
 }

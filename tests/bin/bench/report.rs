@@ -32,7 +32,7 @@ struct Group {
 }
 
 /// Others add theirs here.
-const GROUPS: [Group; 10] = [
+const GROUPS: [Group; 11] = [
     Group { title: "Reading files", name: "load", starts: &["load"] },
     Group { title: "Voxel grid", name: "voxel", starts: &["voxel"] },
     Group { title: "Normals", name: "normals", starts: &["normals", "integral-image"] },
@@ -43,6 +43,7 @@ const GROUPS: [Group; 10] = [
         starts: &["fpfh", "pair features", "feature matching"],
     },
     Group { title: "Volumes of depth pictures", name: "volume", starts: &["tsdf"] },
+    Group { title: "Screened Poisson", name: "poisson", starts: &["poisson"] },
     Group { title: "Global registration", name: "global", starts: &["global"] },
     Group { title: "Fine registration", name: "fine", starts: &["icp", "gicp", "pair surfels", "one round"] },
     Group { title: "Tag detection", name: "tags", starts: &["ARUCO", "AprilTag"] },

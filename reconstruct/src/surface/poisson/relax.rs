@@ -1,0 +1,151 @@
+//! Relaxation: bricks of even place, then those of odd place; within a brick rows of corners in two colours, a row at once.
+
+use rayon::prelude::*;
+
+use super::level::{Brick, Level, NONE};
+use super::screen::Pins;
+use crate::surface::blocks::{CORNERS, SIDE};
+
+/// Rows are swept so often while a brick is at hand.
+const SWEEPS: usize = 2;
+/// Weight that holds a corner at what it is.
+const HELD: f32 = 1e30;
+/// Stride of the rows, and of the layers, with the neighbours' corners around.
+const ROW: usize = 16;
+const LAYER: usize = ROW * (SIDE + 2);
+/// Place of the brick's first corner.
+const FIRST: usize = LAYER + ROW + 4;
+
+const ZERO: &Brick = &[0.0; CORNERS];
+
+/// The equations of a level's solved bricks: `(6 + m) u_i - Σ u_neighbour = b + pull + m u_i(last)`.
+pub(super) struct Equations {
+    pub(super) right: Vec<Brick>,
+    weight: Vec<Brick>,
+    beside: Vec<[u32; 6]>,
+    pub(super) pins: Pins,
+}
+
+impl Equations {
+    /// Corners farther from the cube's middle than `walls` along an axis are held.
+    pub(super) fn new(level: &Level, right: Vec<Brick>, pins: Pins, walls: [f32; 3]) -> Self {
+        let weight =
+            (0..level.solved).into_par_iter().map(|slot| weight(level, &pins, slot, walls)).collect();
+        let beside = (0..level.solved).map(|slot| level.beside(slot)).collect();
+        Self { right, weight, beside, pins }
+    }
+}
+
+/// The screening's diagonal; corners on the walls and beyond are held.
+fn weight(level: &Level, pins: &Pins, slot: usize, walls: [f32; 3]) -> Brick {
+    let mut weight = pins.diagonal(level, slot);
+    let (place, middle) = (level.place(slot), 0.5 * level.scale());
+    let is_held = |k: usize, at: usize| {
+        ((SIDE as i32 * place[k] + at as i32) as f32 - middle).abs() >= walls[k] * level.scale()
+    };
+    if (0..3).any(|k| is_held(k, 0) || is_held(k, SIDE - 1)) {
+        for (i, weight) in weight.iter_mut().enumerate() {
+            let at = [i % SIDE, i / SIDE % SIDE, i / SIDE / SIDE];
+            if (0..3).any(|k| is_held(k, at[k])) {
+                *weight = HELD;
+            }
+        }
+    }
+    weight
+}
+
+/// One sweep over all solved bricks.
+pub(super) fn sweep(level: &mut Level, equations: &mut Equations) {
+    equations.pins.look(level);
+    let (even, solved) = (level.even, level.solved);
+    let places = &level.places;
+    let (evens, others) = level.values.split_at_mut(even);
+    evens.par_iter_mut().enumerate().for_each(|(slot, brick)| {
+        relax(brick, slot, places[slot], equations, |slot| &others[slot - even]);
+    });
+    let (odds, ghosts) = others.split_at_mut(solved - even);
+    let evens = &*evens;
+    odds.par_iter_mut().enumerate().for_each(|(i, brick)| {
+        let slot = even + i;
+        let other = |slot: usize| if slot < even { &evens[slot] } else { &ghosts[slot - solved] };
+        relax(brick, slot, places[slot], equations, other);
+    });
+}
+
+fn relax<'a>(
+    brick: &mut Brick,
+    slot: usize,
+    place: [u16; 3],
+    equations: &Equations,
+    other: impl Fn(usize) -> &'a Brick,
+) {
+    let beside = equations.beside[slot].map(|slot| if slot == NONE { ZERO } else { other(slot as usize) });
+    let mut right = equations.right[slot];
+    equations.pins.pull(place.map(i32::from), slot, &mut right);
+    pulp::Arch::new().dispatch(|| relax_brick(brick, &beside, &mut right, &equations.weight[slot]));
+}
+
+#[inline(always)]
+fn relax_brick(brick: &mut Brick, beside: &[&Brick; 6], right: &mut Brick, weight: &Brick) {
+    let mut u = [0.0; LAYER * (SIDE + 2)];
+    let mut inverse = [0.0; CORNERS];
+    for i in 0..CORNERS {
+        inverse[i] = 1.0 / (6.0 + weight[i]);
+        right[i] += weight[i] * brick[i];
+    }
+    gather(&mut u, brick, beside);
+    for _ in 0..SWEEPS {
+        for color in 0..2 {
+            for z in 0..SIDE {
+                for y in ((z + color) % 2..SIDE).step_by(2) {
+                    relax_row(&mut u, (z * SIDE + y) * SIDE, FIRST + z * LAYER + y * ROW, right, &inverse);
+                }
+            }
+        }
+    }
+    for z in 0..SIDE {
+        for y in 0..SIDE {
+            let from = FIRST + z * LAYER + y * ROW;
+            brick[(z * SIDE + y) * SIDE..][..SIDE].copy_from_slice(&u[from..from + SIDE]);
+        }
+    }
+}
+
+#[inline(always)]
+fn relax_row(u: &mut [f32; LAYER * (SIDE + 2)], i: usize, at: usize, right: &Brick, inverse: &Brick) {
+    let mut new = [0.0f32; SIDE];
+    {
+        let row = |from: usize| -> &[f32; SIDE] { (&u[from..from + SIDE]).try_into().expect("a row") };
+        let (left, after) = (row(at - 1), row(at + 1));
+        let (below, above) = (row(at - ROW), row(at + ROW));
+        let (under, over) = (row(at - LAYER), row(at + LAYER));
+        let right: &[f32; SIDE] = (&right[i..i + SIDE]).try_into().expect("a row");
+        let inverse: &[f32; SIDE] = (&inverse[i..i + SIDE]).try_into().expect("a row");
+        for x in 0..SIDE {
+            let sum = (left[x] + after[x]) + (below[x] + above[x]) + (under[x] + over[x]);
+            new[x] = (right[x] + sum) * inverse[x];
+        }
+    }
+    u[at..at + SIDE].copy_from_slice(&new);
+}
+
+/// The brick with the nearest corners of its six neighbours around.
+#[inline(always)]
+fn gather(u: &mut [f32; LAYER * (SIDE + 2)], brick: &Brick, beside: &[&Brick; 6]) {
+    let [left, after, below, above, under, over] = beside;
+    let row = |y: usize, z: usize| (z * SIDE + y) * SIDE;
+    for z in 0..SIDE {
+        for y in 0..SIDE {
+            let (from, to) = (row(y, z), FIRST + z * LAYER + y * ROW);
+            u[to..to + SIDE].copy_from_slice(&brick[from..from + SIDE]);
+            u[to - 1] = left[from + SIDE - 1];
+            u[to + SIDE] = after[from];
+        }
+        let (low, high) = (FIRST + z * LAYER - ROW, FIRST + z * LAYER + SIDE * ROW);
+        u[low..low + SIDE].copy_from_slice(&below[row(SIDE - 1, z)..][..SIDE]);
+        u[high..high + SIDE].copy_from_slice(&above[row(0, z)..][..SIDE]);
+        let (low, high) = (FIRST - LAYER + z * ROW, FIRST + SIDE * LAYER + z * ROW);
+        u[low..low + SIDE].copy_from_slice(&under[row(z, SIDE - 1)..][..SIDE]);
+        u[high..high + SIDE].copy_from_slice(&over[row(z, 0)..][..SIDE]);
+    }
+}
