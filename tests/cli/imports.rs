@@ -319,7 +319,7 @@ fn a_cloud_becomes_a_closed_surface() {
     }
     let facing = mesh.triangles.iter().map(|t| {
         let [x, y, z] = mesh.vertices.points[t[0] as usize].map(f64::from);
-        mesh.twice_area_vector(t).dot(&[x, y, z].into())
+        mesh.twice_area_vector(t).dot(&nalgebra::Vector3::new(x, y, z))
     });
     let volume = facing.sum::<f64>() / 6.0;
     assert!(
