@@ -23,7 +23,7 @@ const DRIFT_SD: [f64; TERMS] = [0.003, 0.04, 0.02, 0.02, 0.02, 0.02, 0.02, 0.01,
 
 /// Neighbouring pixels err alike, all pixels of a view share its pose's error, and cameras are never quite as modelled:
 /// this many pixels tell as much as one independent one.
-const CORRELATED_PIXELS: f64 = 400.0;
+pub(crate) const CORRELATED_PIXELS: f64 = 400.0;
 
 /// A correction of disparity.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -111,13 +111,42 @@ impl DepthCalibration {
         }
     }
 
+    /// Corrects what was measured at board pixels.
+    pub fn apply_to_samples(&self, samples: &mut [BoardSample]) {
+        for s in samples {
+            let corrected =
+                self.correct(f64::from(s.pixel[0]), f64::from(s.pixel[1]), f64::from(s.measured_px));
+            s.measured_px = corrected as f32;
+        }
+    }
+
+    /// The correction that first does this one, then another's coefficients: the terms are closed under that.
+    pub fn then(&self, step: &[f64; TERMS]) -> Self {
+        let with_step = |i: usize| match i {
+            0 => (1.0 + self.coefficients[0]) * (1.0 + step[0]) - 1.0,
+            _ => self.coefficients[i] * (1.0 + step[0]) + step[i],
+        };
+        Self { coefficients: std::array::from_fn(with_step), ..*self }
+    }
+
+    /// A correction of the same pictures by these coefficients alone.
+    pub fn only(&self, coefficients: &[f64; TERMS]) -> Self {
+        Self { coefficients: *coefficients, ..*self }
+    }
+
+    /// Half the image's size, by which pixels are scaled to -1..1.
+    pub(crate) fn half(&self) -> [f64; 2] {
+        self.half
+    }
+
     /// Factor from measured to corrected depth, from the scale term alone.
     pub fn depth_scale(&self) -> f64 {
         1.0 / (1.0 + self.coefficients[0])
     }
 }
 
-fn basis(u: f64, v: f64, d: f64, half: [f64; 2]) -> [f64; TERMS] {
+/// What each coefficient adds to the disparity `d` of pixel (u, v): the correction's derivative.
+pub(crate) fn basis(u: f64, v: f64, d: f64, half: [f64; 2]) -> [f64; TERMS] {
     let (x, y) = ((u - half[0]) / half[0], (v - half[1]) / half[1]);
     [d, 1.0, x, y, x * x, y * y, x * y, x * x * x, x * x * y, x * y * y, y * y * y]
 }

@@ -12,7 +12,7 @@ mod homography;
 mod layout;
 mod outline;
 mod pose;
-mod projection;
+pub(crate) mod projection;
 mod quad;
 mod refine;
 #[cfg(test)]
@@ -24,5 +24,6 @@ pub use detect::{DetectConfig, Detection, detect, other_families};
 pub use dictionary::{Decoded, Dictionary};
 pub use layout::{LayoutConfig, LayoutError, SheetLayout, place_sheets};
 pub use pose::{
-    BoardPose, BoardPoseError, PoseConfig, Rejection, board_pose, choose_by_plane, explain_no_tags,
+    BoardPose, BoardPoseError, PoseConfig, Rejection, SeenCorner, board_pose, choose_by_plane,
+    explain_no_tags,
 };

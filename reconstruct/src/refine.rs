@@ -1,16 +1,27 @@
-//! Joint refinement of all views: one Gauss–Newton over every pose, in the world (board) frame.
+//! Joint refinement: one Gauss-Newton over all poses and the depth correction, in the world (board) frame.
 //!
-//! Residuals: symmetric point-to-plane between overlapping views (Rusinkiewicz 2019), found by projection, and each
-//! view's marker pose as a prior with its covariance. The prior stands **inside** the cost, so that directions the
-//! surfaces do not hold (a bottle turned about its axis) are held by the markers and cannot slide.
+//! Residuals: the corners of the board's tags, symmetric point-to-plane distances and differences of brightness between overlapping
+//! views, the board's plane in every view's depth, and what is known of the sensor. Everything stands **inside** one cost, so that directions
+//! the surfaces do not hold (a bottle turned about its axis) are held by corners and colours and cannot slide, and a depth that reads
+//! wrong cannot pass for a pose. Every kind is robust; neighbouring points err alike, so each kind is diluted to what it tells.
 
-use std::ops::AddAssign;
+mod anchor;
+mod board;
+mod luminance;
+mod pair;
+mod system;
 
-use nalgebra::{DMatrix, DVector, Matrix6, Point3, Vector3, Vector6};
+use nalgebra::{Matrix3, Matrix6, Point3, Vector3};
 use rayon::prelude::*;
 
+use crate::calibrate::{BoardSample, CalibrationPrior, DepthCalibration, TERMS};
 use crate::pose::{self, Pose};
 use crate::view::DepthView;
+
+pub use anchor::{Anchor, PosePrior};
+pub use luminance::Luminance;
+use pair::{Linearised, Pair};
+use system::{System, ViewBlock};
 
 /// Settings of the refinement.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,8 +38,16 @@ pub struct RefineConfig {
     pub min_normal_cosine: f64,
     /// Standard deviation of a point's distance to its partner's plane, metres.
     pub sigma_metres: f64,
+    /// Standard deviation of a point's brightness against its partner's, of 1.
+    pub sigma_luminance: f64,
     /// Neighbouring points err alike: a pair of views never counts more than this many independent points.
     pub independent_points: f64,
+    /// The same of brightness: what the depth errs by shifts a whole picture on the surface, so a pair tells hardly more than a few points.
+    pub independent_colors: f64,
+    /// Whether brightness takes part.
+    pub use_color: bool,
+    /// Whether the depth correction and the board's plane take part.
+    pub use_depth: bool,
 }
 
 impl Default for RefineConfig {
@@ -40,57 +59,86 @@ impl Default for RefineConfig {
             gate_metres: [0.010, 0.004],
             min_normal_cosine: 0.8,
             sigma_metres: 0.001,
+            sigma_luminance: 0.05,
             independent_points: 40.0,
+            independent_colors: 2.0,
+            use_color: true,
+            use_depth: true,
         }
     }
 }
 
-/// What is known of a view's pose before its surface is looked at.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PosePrior {
-    /// Where the markers put the camera.
-    pub world_from_camera: Pose,
-    /// Inverse covariance of a left step `exp(step) * world_from_camera`, order translation, rotation; world frame.
-    pub information: Matrix6<f64>,
+/// A view as the refinement takes it.
+#[derive(Debug, Clone, Copy)]
+pub struct RefineView<'a> {
+    /// Its points, normals and product mask.
+    pub geometry: &'a DepthView,
+    /// Its picture's brightness, where colour is to take part.
+    pub luminance: Option<&'a Luminance>,
+    /// The pose to start from.
+    pub start: Pose,
+    /// What holds its pose.
+    pub anchor: Anchor<'a>,
+    /// Pixels on the board, measured as `geometry` is.
+    pub board: &'a [BoardSample],
 }
 
-impl PosePrior {
-    /// Prior of a marker pose: `covariance` is of a left step on `camera_from_world`, camera frame.
-    ///
-    /// A left step d on `camera_from_world` is the left step `-Ad(world_from_camera) d` on its inverse.
-    pub fn from_marker_pose(camera_from_world: &Pose, covariance: &Matrix6<f64>) -> Self {
-        let world_from_camera = camera_from_world.inverse();
-        let adjoint = adjoint(&world_from_camera);
-        // No marker pose is better than this: print, paper and lens have errors the corners do not show.
-        let floor =
-            Matrix6::from_diagonal(&Vector6::new(1e-4, 1e-4, 1e-4, 2e-4, 2e-4, 2e-4).map(|s: f64| s * s));
-        let in_world = adjoint * covariance * adjoint.transpose() + floor;
-        Self { world_from_camera, information: in_world.try_inverse().unwrap_or_else(Matrix6::zeros) }
+/// What is known of the depth before: the correction that the views' points already have, and what was expected of the sensor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DepthModel {
+    /// Focal length times baseline: depth in metres is this by disparity in pixels.
+    focal_baseline: f64,
+    half: [f64; 2],
+    residual_px: f64,
+    /// The present coefficients less the expected ones, and how far they may be off.
+    off: [f64; TERMS],
+    standard_deviations: [f64; TERMS],
+}
+
+impl DepthModel {
+    /// `applied` is the correction that the points already have.
+    pub fn new(applied: &DepthCalibration, expected: &CalibrationPrior, focal_baseline: f64) -> Self {
+        Self {
+            focal_baseline,
+            half: applied.half(),
+            residual_px: applied.residual_px.max(0.02),
+            off: std::array::from_fn(|k| applied.coefficients[k] - expected.coefficients[k]),
+            standard_deviations: expected.standard_deviations,
+        }
     }
 }
 
-/// Adjoint of a pose for twists in the order translation, rotation.
-fn adjoint(a_from_b: &Pose) -> Matrix6<f64> {
-    let rotation = a_from_b.rotation.to_rotation_matrix().into_inner();
-    let mut out = Matrix6::zeros();
-    out.fixed_view_mut::<3, 3>(0, 0).copy_from(&rotation);
-    out.fixed_view_mut::<3, 3>(3, 3).copy_from(&rotation);
-    out.fixed_view_mut::<3, 3>(0, 3).copy_from(&(a_from_b.translation.vector.cross_matrix() * rotation));
-    out
-}
-
-/// Refined poses and how well they fit.
+/// Refined poses and how well they are known.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Refined {
     /// Poses in the order of the views.
     pub world_from_camera: Vec<Pose>,
-    /// Covariances of left steps on them, world frame.
+    /// Covariances of left steps on them, world frame: translation (metres), rotation (radians).
     pub covariance: Vec<Matrix6<f64>>,
+    /// What the depth's coefficients change by, with their standard deviations; `None` where they were not free.
+    pub depth: Option<DepthStep>,
     /// Agreement of the pairs that share surface.
     pub pairs: Vec<PairFit>,
+    /// Per view, how far the surfaces alone would leave the product's points in the direction they hold least, metres.
+    pub loosest_by_surface_metres: Vec<f64>,
+    /// Middle of the product's points, world.
+    pub centre: Point3<f64>,
+    /// Board pixels that were looked at.
+    pub board_samples: usize,
+    /// Gauss–Newton steps taken.
+    pub rounds: usize,
 }
 
-/// How the surfaces of two views agree.
+/// Change of the depth correction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DepthStep {
+    /// Added by [`DepthCalibration::then`].
+    pub coefficients: [f64; TERMS],
+    /// Of the corrected coefficients.
+    pub standard_deviations: [f64; TERMS],
+}
+
+/// How two views agree.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PairFit {
     /// The view whose points looked for partners.
@@ -101,38 +149,191 @@ pub struct PairFit {
     pub inliers: usize,
     /// Root mean square distance to the partner's plane, metres.
     pub inlier_rmse_metres: f64,
+    /// Those of them whose brightness was compared.
+    pub color_inliers: usize,
 }
 
-/// Refines the poses of all views together; `priors` are in the order of `views`.
-pub fn refine(views: &[&DepthView], priors: &[PosePrior], config: &RefineConfig) -> Refined {
-    let mut poses: Vec<Pose> = priors.iter().map(|p| p.world_from_camera).collect();
-    let samples: Vec<Vec<usize>> = views.iter().map(|v| spread_samples(v, config.points_per_pair)).collect();
-    let pairs = choose_pairs(&poses, config.neighbours);
-    let mut fits = Vec::new();
-    let mut normal = DMatrix::zeros(0, 0);
-    for round in 0..config.rounds {
-        let t = round as f64 / (config.rounds.max(2) - 1) as f64;
-        let gate = config.gate_metres[0] * (1.0 - t) + config.gate_metres[1] * t;
-        let blocks: Vec<PairBlock> = pairs
-            .par_iter()
-            .map(|&(i, j)| linearise(views, &poses, &samples[i], (i, j), gate, config))
-            .collect();
-        fits = blocks.iter().map(|b| b.fit).collect();
-        let right;
-        (normal, right) = assemble(&blocks, priors, &poses);
-        let Some(step) = normal.clone().cholesky().map(|c| c.solve(&right)) else { break };
-        for (i, pose) in poses.iter_mut().enumerate() {
+impl Refined {
+    /// Standard deviation of where a view puts the product's middle (metres), and of how it is turned (radians).
+    pub fn standard_deviation(&self, view: usize) -> (f64, f64) {
+        let covariance = &self.covariance[view];
+        // A left step (t, w) moves a point x by t + w x x.
+        let mut by_step = nalgebra::Matrix3x6::zeros();
+        by_step.fixed_view_mut::<3, 3>(0, 0).copy_from(&Matrix3::identity());
+        by_step.fixed_view_mut::<3, 3>(0, 3).copy_from(&(-self.centre.coords.cross_matrix()));
+        let place = (by_step * covariance * by_step.transpose()).trace();
+        let turn = covariance.fixed_view::<3, 3>(3, 3).trace();
+        (place.max(0.0).sqrt(), turn.max(0.0).sqrt())
+    }
+}
+
+/// The present estimate.
+struct Estimate {
+    poses: Vec<Pose>,
+    depth: [f64; TERMS],
+    /// The target's brightness from the source's, in the order of the pairs.
+    gains: Vec<Option<f64>>,
+}
+
+/// Refines all views together; `depth` is `None` where the depth's correction is not to change.
+pub fn refine(views: &[RefineView<'_>], depth: Option<&DepthModel>, config: &RefineConfig) -> Refined {
+    let depth = depth.filter(|_| config.use_depth);
+    let starts: Vec<Pose> = views.iter().map(|v| v.start).collect();
+    let pixels: Vec<Vec<usize>> =
+        views.iter().map(|v| spread_samples(v.geometry, config.points_per_pair)).collect();
+    let pairs = choose_pairs(&starts, config.neighbours);
+    let mut now = Estimate { poses: starts, depth: [0.0; TERMS], gains: vec![None; pairs.len()] };
+    let (mut rounds, mut last) = (0, None);
+    while rounds < config.rounds {
+        let round = linearise(views, &pixels, &pairs, depth, &now, rounds, config);
+        rounds += 1;
+        let Some(step) = round.system.solve() else { break };
+        for (i, pose) in now.poses.iter_mut().enumerate() {
             *pose = pose::exp(&step.fixed_rows::<6>(6 * i).into_owned()) * *pose;
         }
-        if step.amax() < 1e-6 {
+        if depth.is_some() {
+            let from = 6 * views.len();
+            (0..TERMS).for_each(|k| now.depth[k] += step[from + k]);
+        }
+        now.gains = round.linearised.iter().map(|l| l.gain).collect();
+        let is_still = step.amax() < 1e-6;
+        last = Some(round);
+        if is_still {
             break;
         }
     }
-    let inverse = normal.clone().cholesky().map(|c| c.inverse());
-    let block = |i: usize| {
-        inverse.as_ref().map_or_else(Matrix6::zeros, |m| m.fixed_view::<6, 6>(6 * i, 6 * i).into_owned())
+    outcome(views, &pixels, depth, now, last, rounds)
+}
+
+/// One round's equations, and what they were made of.
+struct Round {
+    system: System,
+    linearised: Vec<Linearised>,
+    board_samples: usize,
+}
+
+fn linearise(
+    views: &[RefineView<'_>],
+    pixels: &[Vec<usize>],
+    pairs: &[(usize, usize)],
+    depth: Option<&DepthModel>,
+    now: &Estimate,
+    round: usize,
+    config: &RefineConfig,
+) -> Round {
+    let t = round as f64 / (config.rounds.max(2) - 1) as f64;
+    let gate_metres = config.gate_metres[0] * (1.0 - t) + config.gate_metres[1] * t;
+    // Brightness leads to the truth from a pixel or two away only, so the surfaces go first.
+    let use_color = config.use_color && (round > 0 && gate_metres < 0.009);
+    let model = depth.map(|model| (model, &now.depth));
+    let samples: Vec<Vec<pair::Sample>> = (0..views.len())
+        .into_par_iter()
+        .map(|i| pair::place_samples(&views[i], &pixels[i], &now.poses[i], model))
+        .collect();
+    let linearised: Vec<Linearised> = (0..pairs.len())
+        .into_par_iter()
+        .map(|k| {
+            let (source, target) = pairs[k];
+            let pair = Pair {
+                of: pairs[k],
+                target: &views[target],
+                samples: &samples[source],
+                world_from_target: &now.poses[target],
+                gain: now.gains[k].filter(|_| use_color),
+                gate_metres,
+            };
+            pair::linearise(&pair, model, config)
+        })
+        .collect();
+    let mut system = System::new(views.len(), depth.is_some());
+    let mut board_samples = 0;
+    for (&pair, part) in pairs.iter().zip(&linearised) {
+        system.add_pair(pair, &part.block);
+    }
+    for (i, view) in views.iter().enumerate() {
+        let (pose, camera) = (&now.poses[i], &view.geometry.camera);
+        system.add_anchor(i, &view.anchor.normal_equations(pose, camera));
+        if let Some((model, step)) = model {
+            let mut block = ViewBlock::zero();
+            board_samples += board::add(&mut block, view.board, pose, camera, model, step);
+            system.add_view(i, &block);
+        }
+    }
+    if let Some((model, step)) = model {
+        let off = std::array::from_fn(|k| model.off[k] + step[k]);
+        system.add_depth_prior(&off, &model.standard_deviations);
+    }
+    Round { system, linearised, board_samples }
+}
+
+fn outcome(
+    views: &[RefineView<'_>],
+    pixels: &[Vec<usize>],
+    depth: Option<&DepthModel>,
+    now: Estimate,
+    last: Option<Round>,
+    rounds: usize,
+) -> Refined {
+    let centre = centre(views, pixels, &now.poses);
+    let Estimate { poses, depth: step, .. } = now;
+    let (mut pairs, mut board_samples, mut covariance) = (Vec::new(), 0, None);
+    let mut by_surface = vec![Matrix6::zeros(); views.len()];
+    if let Some(round) = last {
+        for part in &round.linearised {
+            by_surface[part.fit.source] += part.by_surface[0];
+            by_surface[part.fit.target] += part.by_surface[1];
+        }
+        pairs = round.linearised.iter().map(|l| l.fit).collect();
+        board_samples = round.board_samples;
+        covariance = round.system.covariance();
+    }
+    let of_view = |i: usize| {
+        covariance.as_ref().map_or_else(Matrix6::zeros, |m| m.fixed_view::<6, 6>(6 * i, 6 * i).into_owned())
     };
-    Refined { covariance: (0..poses.len()).map(block).collect(), world_from_camera: poses, pairs: fits }
+    let sd = |k: usize| {
+        let at = 6 * views.len() + k;
+        covariance.as_ref().map_or(0.0, |m| m[(at, at)].max(0.0).sqrt())
+    };
+    let loosest = |i: usize| loosest_metres(&by_surface[i], views[i].geometry, &pixels[i], &poses[i]);
+    Refined {
+        covariance: (0..views.len()).map(of_view).collect(),
+        depth: depth.map(|_| DepthStep { coefficients: step, standard_deviations: std::array::from_fn(sd) }),
+        pairs,
+        loosest_by_surface_metres: (0..views.len()).map(loosest).collect(),
+        centre,
+        board_samples,
+        rounds,
+        world_from_camera: poses,
+    }
+}
+
+/// Middle of all samples, world.
+fn centre(views: &[RefineView<'_>], pixels: &[Vec<usize>], poses: &[Pose]) -> Point3<f64> {
+    let (mut sum, mut count) = (Vector3::zeros(), 0.0);
+    for ((view, pixels), pose) in views.iter().zip(pixels).zip(poses) {
+        for &pixel in pixels {
+            sum += (pose * Point3::from(view.geometry.points[pixel]).cast::<f64>()).coords;
+            count += 1.0;
+        }
+    }
+    Point3::from(sum / f64::max(count, 1.0))
+}
+
+/// Standard deviation in the direction that a view's surfaces hold least, as metres at the view's points: turns about their middle
+/// count by the points' distance from it.
+fn loosest_metres(information: &Matrix6<f64>, view: &DepthView, pixels: &[usize], pose: &Pose) -> f64 {
+    let points: Vec<Vector3<f64>> =
+        pixels.iter().map(|&i| (pose * Point3::from(view.points[i]).cast::<f64>()).coords).collect();
+    let count = points.len().max(1) as f64;
+    let middle = points.iter().sum::<Vector3<f64>>() / count;
+    let radius = (points.iter().map(|p| (p - middle).norm_squared()).sum::<f64>() / count).sqrt().max(1e-4);
+    // A turn about the middle is a turn about the origin with a shift: t = t' - w x middle.
+    let mut change = Matrix6::identity();
+    change.fixed_view_mut::<3, 3>(0, 3).copy_from(&(middle.cross_matrix() / radius));
+    change.fixed_view_mut::<3, 3>(3, 3).copy_from(&(Matrix3::identity() / radius));
+    let centred = change.transpose() * information * change;
+    let least = centred.symmetric_eigenvalues().min();
+    if least > 1e-6 { 1.0 / least.sqrt() } else { f64::INFINITY }
 }
 
 /// Product pixels of a view, evenly taken.
@@ -160,89 +361,5 @@ fn choose_pairs(poses: &[Pose], neighbours: usize) -> Vec<(usize, usize)> {
     pairs
 }
 
-/// Contribution of one pair to the normal equations.
-struct PairBlock {
-    /// `J^T J` of the 12 parameters (source step, target step).
-    hessian: nalgebra::SMatrix<f64, 12, 12>,
-    gradient: nalgebra::SVector<f64, 12>,
-    fit: PairFit,
-}
-
-/// Finds partners of the source's samples in the target by projection and linearises their distances.
-fn linearise(
-    views: &[&DepthView],
-    poses: &[Pose],
-    samples: &[usize],
-    (i, j): (usize, usize),
-    gate_metres: f64,
-    config: &RefineConfig,
-) -> PairBlock {
-    let (source, target) = (views[i], views[j]);
-    let target_from_source = poses[j].inverse() * poses[i];
-    let mut hessian = nalgebra::SMatrix::<f64, 12, 12>::zeros();
-    let mut gradient = nalgebra::SVector::<f64, 12>::zeros();
-    let (mut inliers, mut squares) = (0usize, 0.0f64);
-    for &s in samples {
-        let p_in_source = Point3::from(source.points[s]).cast::<f64>();
-        let Some(t) = target.pixel_of(&(target_from_source * p_in_source)) else { continue };
-        if !target.mask[t] || target.normals[t] == [0.0; 3] {
-            continue;
-        }
-        let p = poses[i] * p_in_source;
-        let q = poses[j] * Point3::from(target.points[t]).cast::<f64>();
-        let n_p = poses[i].rotation * Vector3::from(source.normals[s]).cast::<f64>();
-        let n_q = poses[j].rotation * Vector3::from(target.normals[t]).cast::<f64>();
-        if n_p.dot(&n_q) < config.min_normal_cosine || (p - q).norm() > 2.0 * gate_metres {
-            continue;
-        }
-        // Rusinkiewicz 2019, eq. 9: distance along the sum of both normals
-        let n = (n_p + n_q).normalize();
-        let r = n.dot(&(p - q));
-        if r.abs() > gate_metres {
-            continue;
-        }
-        inliers += 1;
-        squares += r * r;
-        // Geman–McClure weight
-        let scale = 2.5 * config.sigma_metres;
-        let weight = (1.0 / (1.0 + (r / scale).powi(2))).powi(2);
-        // d(exp(step) p)/d(step) = [I, -p x]: n·(t + w × p) = n·t + (p × n)·w
-        let (a, b) = (p.coords.cross(&n), q.coords.cross(&n));
-        let row = nalgebra::SVector::<f64, 12>::from_row_slice(&[
-            n.x, n.y, n.z, a.x, a.y, a.z, -n.x, -n.y, -n.z, -b.x, -b.y, -b.z,
-        ]);
-        hessian += weight * row * row.transpose();
-        gradient -= weight * r * row;
-    }
-    let dilution = (config.independent_points / inliers.max(1) as f64).min(1.0);
-    let scale = dilution / (config.sigma_metres * config.sigma_metres);
-    let rmse = (squares / inliers.max(1) as f64).sqrt();
-    PairBlock {
-        hessian: hessian * scale,
-        gradient: gradient * scale,
-        fit: PairFit { source: i, target: j, inliers, inlier_rmse_metres: rmse },
-    }
-}
-
-/// Normal equations of all pairs and priors, summed in the order of the pairs.
-fn assemble(blocks: &[PairBlock], priors: &[PosePrior], poses: &[Pose]) -> (DMatrix<f64>, DVector<f64>) {
-    let n = 6 * poses.len();
-    let (mut normal, mut right) = (DMatrix::zeros(n, n), DVector::zeros(n));
-    for block in blocks {
-        let at = [6 * block.fit.source, 6 * block.fit.target];
-        for (bi, &i) in at.iter().enumerate() {
-            let g = block.gradient.fixed_rows::<6>(6 * bi);
-            right.fixed_rows_mut::<6>(i).add_assign(&g);
-            for (bj, &j) in at.iter().enumerate() {
-                let h = block.hessian.fixed_view::<6, 6>(6 * bi, 6 * bj);
-                normal.fixed_view_mut::<6, 6>(i, j).add_assign(&h);
-            }
-        }
-    }
-    for (i, prior) in priors.iter().enumerate() {
-        let off = pose::log(&(poses[i] * prior.world_from_camera.inverse()));
-        normal.fixed_view_mut::<6, 6>(6 * i, 6 * i).add_assign(&prior.information);
-        right.fixed_rows_mut::<6>(6 * i).add_assign(&(-(prior.information * off)));
-    }
-    (normal, right)
-}
+#[cfg(test)]
+mod tests;

@@ -26,6 +26,9 @@ pub struct Report {
     /// How much of the surface was measured, how well, and what is missing; absent where no surface was made.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub surface: Option<SurfaceReport>,
+    /// What the joint refinement of all views was made of.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub joint: Option<JointReport>,
     /// How the depth was corrected.
     pub depth_calibration: CalibrationReport,
     /// What the seller should know.
@@ -68,12 +71,36 @@ pub struct ViewReport {
     pub tags: usize,
     /// Root mean square corner error, pixels.
     pub reprojection_px: Option<f64>,
+    /// Standard deviation of where this view puts the product's middle, by the covariance of the joint refinement, millimetres.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pose_sd_mm: Option<f64>,
+    /// The same of how it is turned, degrees.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pose_sd_degrees: Option<f64>,
+    /// How far the surfaces alone would leave it loose, millimetres: what is more is held by markers and colour.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub loosest_by_surface_mm: Option<f64>,
     /// Root mean square distance to the other views' surfaces where they agree, millimetres.
     pub inlier_rmse_mm: Option<f64>,
     /// Share of its points that contradict a neighbouring view, percent.
     pub conflict_percent: Option<f64>,
     /// Why it was left out.
     pub reason: Option<String>,
+}
+
+/// What the joint refinement was made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct JointReport {
+    /// Gauss-Newton steps.
+    pub rounds: usize,
+    /// Corners of the board's tags, in all views.
+    pub corners: usize,
+    /// Ordered pairs of views whose surfaces were compared.
+    pub surface_pairs: usize,
+    /// Those of them whose colours were compared too.
+    pub color_pairs: usize,
+    /// Board pixels whose depth was compared with the board's plane.
+    pub board_samples: usize,
 }
 
 /// The depth calibration in the report.

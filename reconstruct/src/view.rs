@@ -1,6 +1,6 @@
 //! One view as geometry: depth, normals and product mask of every pixel of the colour camera.
 
-use nalgebra::Point3;
+use nalgebra::{Point2, Point3};
 use rayon::prelude::*;
 
 use crate::camera::Intrinsics;
@@ -36,9 +36,24 @@ impl DepthView {
         self.mask = mask;
     }
 
+    /// Moves every measured point along its ray to the depth of its corrected disparity: `correct` gives that of a pixel's (u, v, disparity).
+    /// For corrections too small to turn a normal.
+    pub fn correct(&mut self, focal_baseline: f64, correct: impl Fn(f64, f64, f64) -> f64) {
+        let width = (self.camera.width as usize).max(1);
+        for (i, p) in self.points.iter_mut().enumerate().filter(|(_, p)| p[2] > 0.0) {
+            let disparity = focal_baseline / f64::from(p[2]);
+            let corrected = correct((i % width) as f64, (i / width) as f64, disparity).max(1e-3);
+            *p = p.map(|v| (f64::from(v) * disparity / corrected) as f32);
+        }
+    }
+
     /// Index of the pixel that a point in this camera's frame falls on.
     pub fn pixel_of(&self, p_in_camera: &Point3<f64>) -> Option<usize> {
-        let pixel = self.camera.project(p_in_camera)?;
+        self.index_of(&self.camera.project(p_in_camera)?)
+    }
+
+    /// Index of the pixel nearest to a place in the picture; `None` beyond it.
+    pub fn index_of(&self, pixel: &Point2<f64>) -> Option<usize> {
         let (u, v) = (pixel.x.round(), pixel.y.round());
         let inside =
             u >= 0.0 && v >= 0.0 && u < f64::from(self.camera.width) && v < f64::from(self.camera.height);

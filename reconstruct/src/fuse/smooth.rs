@@ -73,12 +73,12 @@ impl Mean {
 /// How far a colour may be from the others of its spot before it counts little (reflections, hands), 8-bit steps.
 const COLOR_SPREAD: f32 = 25.0;
 /// Neighbouring pixels of a view share part of their noise: this many of them are worth one.
-const PIXELS_WORTH_ONE: f32 = 5.6;
+const PIXELS_WORTH_ONE: f32 = 11.8;
 /// What all pixels of a view share where they are a few millimetres apart, as a share of their spread.
-const SHARED_IN_A_VIEW: f32 = 0.41;
+const SHARED_IN_A_VIEW: f32 = 0.59;
 /// What all views share (their poses, the depth's calibration, the smoothing), metres. These three were fitted to the errors of four
 /// simulated recordings with exact truth.
-const SHARED_BY_ALL_METRES: f32 = 0.0002;
+const SHARED_BY_ALL_METRES: f32 = 0.0001;
 
 /// Spread of a spot's samples about its smoothed surface, and from how many views they are.
 #[derive(Default)]

@@ -48,10 +48,23 @@ pub struct BoardPose {
     pub reprojection_px: f64,
     /// Ids that were used, ascending.
     pub used: Vec<u32>,
+    /// Their corners, for whoever fits more than this one pose to them.
+    pub corners: Vec<SeenCorner>,
     /// Ids that were not, and why.
     pub rejected: Vec<(u32, Rejection)>,
     /// The other pose that the corners allow nearly as well.
     pub alternative: Option<Pose>,
+}
+
+/// A corner of the board as one picture shows it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SeenCorner {
+    /// Where it is on the board, metres.
+    pub in_board: Point3<f64>,
+    /// Where it is in the picture.
+    pub pixel: Point2<f64>,
+    /// Standard deviation of either coordinate, pixels: its own, scaled by how well the picture's corners agree.
+    pub sigma_px: f64,
 }
 
 /// Why a detected tag was not used.
@@ -132,6 +145,15 @@ pub fn board_pose(
         camera_from_board: camera_from_board.pose,
         covariance: camera_from_board.covariance,
         reprojection_px,
+        corners: agreeing
+            .iter()
+            .flat_map(SeenTag::corners)
+            .map(|c| SeenCorner {
+                in_board: c.in_board,
+                pixel: c.pixel,
+                sigma_px: (camera_from_board.variance / c.weight()).sqrt(),
+            })
+            .collect(),
         used,
         rejected,
         alternative,

@@ -7,7 +7,7 @@ use crate::camera::Intrinsics;
 /// Pixel of a point in the camera frame and its derivative by the point; `None` behind the camera.
 ///
 /// The lens makes the exact derivative long; central differences are good to nine digits here.
-pub(super) fn with_derivative(
+pub(crate) fn with_derivative(
     camera: &Intrinsics,
     point: &Point3<f64>,
 ) -> Option<(Point2<f64>, Matrix2x3<f64>)> {

@@ -215,6 +215,7 @@ mod tests {
             dimensions_m: None,
             dimensions_uncertainty_m: None,
             surface: None,
+            joint: None,
             depth_calibration: CalibrationReport::default(),
             warnings: vec!["first".into()],
             verdict: Verdict::Good,

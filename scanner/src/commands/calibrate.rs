@@ -100,7 +100,7 @@ fn board_samples(recording: &Recording, ui: &Ui) -> anyhow::Result<Vec<BoardSamp
     if let Some(why) = &work.failure {
         bail!("{why}");
     }
-    Ok(depth::board_samples(&work, &CalibrationPrior::of_any_kinect()))
+    Ok(depth::board_samples(&work, &CalibrationPrior::of_any_kinect()).concat())
 }
 
 /// Nearest and farthest hundredth of the board pixels, metres.

@@ -73,7 +73,7 @@ fn twice(work: &Work) -> Option<Finding> {
 
 /// Depth against the board: true by measured distance, in the middle of all white board pixels.
 fn scale(work: &Work) -> Option<Finding> {
-    let samples = depth::board_samples(work, &CalibrationPrior::of_any_kinect());
+    let samples = depth::board_samples(work, &CalibrationPrior::of_any_kinect()).concat();
     if samples.len() < MIN_SAMPLES {
         return None;
     }

@@ -43,30 +43,36 @@ pub fn calibrate(scan: &mut Work, config: &Config) {
     }
     let prior = config.depth_prior.unwrap_or_else(CalibrationPrior::of_any_kinect);
     let (width, height) = (scan.rig.color.width as usize, scan.rig.color.height as usize);
-    let calibration = calibrate::fit(&board_samples(scan, &prior), width, height, &prior);
-    scan.views.par_iter_mut().for_each(|v| calibration.apply(&mut v.disparity));
+    let samples = board_samples(scan, &prior);
+    let calibration = calibrate::fit(&samples.concat(), width, height, &prior);
+    scan.views.par_iter_mut().zip(samples).for_each(|(view, mut samples)| {
+        calibration.apply(&mut view.disparity);
+        calibration.apply_to_samples(&mut samples);
+        view.board_samples = samples;
+    });
     warn_of_scale(scan, &calibration);
     scan.calibration = calibration;
 }
 
-/// White pixels of the board in all views that are placed on it.
-pub fn board_samples(scan: &Work, prior: &CalibrationPrior) -> Vec<BoardSample> {
-    let Some(board) = &scan.board else { return Vec::new() };
+/// White pixels of the board, in the order of the views; none in views that are not placed on it.
+pub fn board_samples(scan: &Work, prior: &CalibrationPrior) -> Vec<Vec<BoardSample>> {
+    let Some(board) = &scan.board else { return vec![Vec::new(); scan.views.len()] };
     let (width, height) = (scan.rig.color.width as usize, scan.rig.color.height as usize);
-    let placed = || scan.views.par_iter().filter(|v| v.is_used() && v.world_from_camera.is_some());
-    let near_tags: Vec<BoardSample> =
-        placed().flat_map_iter(|v| samples_near_tags(v, board, &scan.rig)).collect();
+    let placed = |v: &View| v.is_used() && v.world_from_camera.is_some();
+    let of_views = |of_view: &(dyn Fn(&View) -> Vec<BoardSample> + Sync)| -> Vec<Vec<BoardSample>> {
+        scan.views.par_iter().map(|v| if placed(v) { of_view(v) } else { Vec::new() }).collect()
+    };
+    let near_tags = of_views(&|v| samples_near_tags(v, board, &scan.rig));
     // The table under loose sheets need not be where the sheets are, so only they count.
     if scan.loose_sheets {
         return near_tags;
     }
-    let first = calibrate::fit(&near_tags, width, height, prior);
+    let first = calibrate::fit(&near_tags.concat(), width, height, prior);
     if first.samples == 0 {
         return near_tags;
     }
-    let more = placed().flat_map_iter(|v| samples_on_board(v, board, &scan.rig, &first));
-    let more: Vec<BoardSample> = more.collect();
-    [near_tags, more].concat()
+    let more = of_views(&|v| samples_on_board(v, board, &scan.rig, &first));
+    near_tags.into_iter().zip(more).map(|(near, more)| [near, more].concat()).collect()
 }
 
 /// Without a board, what the sensor's own calibration says is all that is known.

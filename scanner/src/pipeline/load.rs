@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 use reconstruct::average::{DisparityMap, average};
-use reconstruct::calibrate::DepthCalibration;
+use reconstruct::calibrate::{BoardSample, DepthCalibration};
 use reconstruct::consistency::ViewFit;
 use reconstruct::fuse::PlacedView;
 use reconstruct::image::ColorImage;
@@ -10,7 +10,7 @@ use reconstruct::marker::{BoardPose, Detection};
 use reconstruct::pose::Pose;
 use reconstruct::recording::Rig;
 use reconstruct::refine::PosePrior;
-use reconstruct::report::LeftOut;
+use reconstruct::report::{JointReport, LeftOut};
 use reconstruct::segment::Region;
 use reconstruct::view::DepthView;
 
@@ -40,6 +40,8 @@ pub struct Work {
     pub region: Option<Region>,
     /// Correction of the depth.
     pub calibration: DepthCalibration,
+    /// What the joint refinement was made of, once it ran.
+    pub joint: Option<JointReport>,
     /// What the seller should know.
     pub warnings: Vec<String>,
     /// Whether the world's z is up.
@@ -61,12 +63,18 @@ pub struct View {
     pub detections: Vec<Detection>,
     /// Pose by its markers.
     pub marker_pose: Option<BoardPose>,
-    /// What is known of the pose before the surfaces are compared.
+    /// What is known of the pose before the surfaces are compared, where no board tells.
     pub prior: Option<PosePrior>,
+    /// White pixels of the board, corrected as `disparity` is.
+    pub board_samples: Vec<BoardSample>,
     /// Points, normals and product mask.
     pub geometry: Option<DepthView>,
     /// The pose, as well as it is known so far.
     pub world_from_camera: Option<Pose>,
+    /// Standard deviations of where it puts the product's middle (metres) and of how it is turned (radians).
+    pub pose_sd: Option<(f64, f64)>,
+    /// How far the surfaces alone would leave it loose, metres.
+    pub loosest_by_surface_metres: Option<f64>,
     /// How it agrees with the other views.
     pub fit: Option<ViewFit>,
     /// Why it is not used.
@@ -133,6 +141,7 @@ pub fn load_and_average(
         board_expected: false,
         loose_sheets: false,
         region: None,
+        joint: None,
         warnings: Vec::new(),
         up_is_known: true,
         failure: None,
@@ -153,8 +162,11 @@ fn load_view(
         detections: Vec::new(),
         marker_pose: None,
         prior: None,
+        board_samples: Vec::new(),
         geometry: None,
         world_from_camera: None,
+        pose_sd: None,
+        loosest_by_surface_metres: None,
         fit: None,
         left_out: None,
     };

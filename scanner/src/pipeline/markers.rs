@@ -5,7 +5,6 @@ use reconstruct::board::{BoardFile, Family, KnownBoard, LooseSheets};
 use reconstruct::marker::{
     BoardPoseError, Dictionary, LayoutConfig, board_pose, detect, explain_no_tags, place_sheets,
 };
-use reconstruct::refine::PosePrior;
 use reconstruct::report::LeftOut;
 use reconstruct::segment::Region;
 
@@ -64,7 +63,6 @@ fn place_view(
 ) {
     match board_pose(&view.detections, board, camera, &config.pose) {
         Ok(pose) => {
-            view.prior = Some(PosePrior::from_marker_pose(&pose.camera_from_board, &pose.covariance));
             view.world_from_camera = Some(pose.camera_from_board.inverse());
             view.marker_pose = Some(pose);
         }

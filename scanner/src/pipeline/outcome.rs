@@ -33,7 +33,7 @@ pub fn judge(
     let surface = if failure.is_some() { Surface::default() } else { surface };
     let cloud = surface.mesh.measured();
     let scale_sd = scale_sd(scan.calibration.standard_deviations[0]);
-    let size = dimensions(&cloud, scale_sd, scan.up_is_known);
+    let size = dimensions(&surface.mesh, scale_sd, scan.up_is_known);
     let left_out = scan.views.iter().filter(|v| !v.is_used()).count();
     if failure.is_none() {
         warnings.extend(
@@ -52,6 +52,7 @@ pub fn judge(
         dimensions_m: size.map(|s| s.metres.map(|v| round(v, 1e5))),
         dimensions_uncertainty_m: size.map(|s| s.uncertainty_metres.map(|v| round(v, 1e5))),
         surface: (!surface.mesh.triangles.is_empty()).then(|| describe(&surface)),
+        joint: scan.joint,
         depth_calibration: calibration_report(scan, config),
         warnings,
         verdict,
@@ -71,7 +72,7 @@ pub fn judge(
 pub fn measured_again(report: &Report, model: &Mesh) -> Report {
     let cloud = model.measured();
     let surface = |holes| describe(&Surface { mesh: model.clone(), holes });
-    let size = dimensions(&cloud, scale_sd(report.depth_calibration.scale_sd), true);
+    let size = dimensions(model, scale_sd(report.depth_calibration.scale_sd), true);
     Report {
         points: cloud.len(),
         dimensions_m: size.map(|s| s.metres.map(|v| round(v, 1e5))),
@@ -139,6 +140,12 @@ fn view_report(view: &View) -> ViewReport {
         world_from_camera: view.world_from_camera.as_ref().map(pose::to_row_major),
         tags: tags_of(view),
         reprojection_px: view.marker_pose.as_ref().map(|p| round(p.reprojection_px, 1e3)),
+        pose_sd_mm: view.pose_sd.map(|sd| round(sd.0 * 1000.0, 1e3)),
+        pose_sd_degrees: view.pose_sd.map(|sd| round(sd.1.to_degrees(), 1e4)),
+        loosest_by_surface_mm: view
+            .loosest_by_surface_metres
+            .filter(|m| m.is_finite())
+            .map(|m| round(m * 1000.0, 1e3)),
         inlier_rmse_mm: view.fit.map(|f| round(f.inlier_rmse_metres * 1000.0, 1e3)),
         conflict_percent: view.fit.and_then(|f| f.conflict).map(|c| round(c * 100.0, 1e2)),
         reason: view.left_out.as_ref().map(ToString::to_string),

@@ -24,7 +24,7 @@ pub(super) struct Corner {
 
 impl Corner {
     /// 1 for a corner without uncertainty of its own.
-    fn weight(&self) -> f64 {
+    pub(super) fn weight(&self) -> f64 {
         1.0 / (1.0 + (self.sigma_px / COMMON_SIGMA_PX).powi(2))
     }
 }
@@ -38,7 +38,7 @@ pub(super) struct Solution {
     /// Of a step on the left.
     pub(super) covariance: Matrix6<f64>,
     /// Variance of a coordinate, square pixels.
-    variance: f64,
+    pub(super) variance: f64,
 }
 
 /// Whether the corners cannot tell the second pose from the best.
