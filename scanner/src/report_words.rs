@@ -8,6 +8,8 @@ use reconstruct::report::surface::SurfaceReport;
 use reconstruct::report::{Report, Verdict, ViewReport};
 use reconstruct::surface::{Hole, HoleKind};
 
+/// Views that the surfaces leave looser than this are held by something else, millimetres.
+const LOOSE_MM: f64 = 1.0;
 /// Most holes that are named.
 const MOST_HOLES: usize = 8;
 
@@ -24,6 +26,7 @@ pub fn in_words(report: &Report) -> String {
         text.push_str(&surface_in_words(surface, report));
     }
     text.push_str(&views_in_words(&report.views));
+    text.push_str(&looseness_in_words(&report.views));
     text.push_str(&calibration_in_words(report));
     if !report.warnings.is_empty() {
         text.push_str("\nTo know\n");
@@ -74,6 +77,19 @@ fn surface_in_words(surface: &SurfaceReport, report: &Report) -> String {
         let _ = writeln!(text, "  and {} smaller places", open.len() - MOST_HOLES);
     }
     text
+}
+
+/// Says where the surfaces alone would let the views slide, and what holds them then.
+fn looseness_in_words(views: &[ViewReport]) -> String {
+    let mut loose: Vec<f64> =
+        views.iter().filter(|v| v.used).filter_map(|v| v.loosest_by_surface_mm).collect();
+    loose.sort_by(f64::total_cmp);
+    match loose.get(loose.len() / 2) {
+        Some(&middle) if middle > LOOSE_MM => format!(
+            "  The product is so round or so flat that its surface alone would let the views slide by {middle:.1} mm: markers and colours hold them.\n"
+        ),
+        _ => String::new(),
+    }
 }
 
 /// What and where a hole is, and what to do about it.
@@ -142,6 +158,9 @@ fn views_in_words(views: &[ViewReport]) -> String {
         let _ = write!(text, "{:>3} markers", view.tags);
         if let Some(pixels) = view.reprojection_px {
             let _ = write!(text, ", corners {pixels:.2} px");
+        }
+        if let Some(mm) = view.pose_sd_mm {
+            let _ = write!(text, ", placed to ± {:.2} mm", 2.0 * mm);
         }
         if let Some(mm) = view.inlier_rmse_mm {
             let _ = write!(text, ", {mm:.2} mm to the other views");
