@@ -13,6 +13,8 @@ use crate::surface::attributes::vertex_normals;
 const SPACINGS: f32 = 2.0;
 /// Points of cells so many levels coarser than the finest tell together how much they scatter.
 const COARSER: u32 = 3;
+/// Integral of the squared quadratic B-spline: a kernel averages over its width by this, along either axis.
+const OF_KERNEL: f32 = 0.55;
 
 /// Fills in colours, normals and deviations.
 pub(super) fn take_from_points(
@@ -55,7 +57,8 @@ fn deviations(samples: &Samples, field: &Field, iso: f32) -> Vec<f32> {
         let scatter = (square / cell.len() as f32).sqrt();
         deviations.extend(cell.iter().map(|s| {
             let finest = 1.0 / (1u32 << field.depth()) as f32;
-            let sharing = (s.width.max(finest).powi(2) / s.area).max(1.0);
+            let kernel = (s.width.max(finest).powi(2) + finest * finest) / OF_KERNEL.powi(2);
+            let sharing = (kernel / s.area).max(1.0);
             scatter / sharing.sqrt() * samples.side as f32
         }));
         first += cell.len();

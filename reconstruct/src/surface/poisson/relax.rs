@@ -8,8 +8,9 @@ use crate::surface::blocks::{CORNERS, SIDE};
 
 /// Rows are swept so often while a brick is at hand.
 const SWEEPS: usize = 2;
-/// Weight that holds a corner at what it is.
+/// Weight that holds a corner at 0, and the part of a cell within which a corner counts as on a wall.
 const HELD: f32 = 1e30;
+const NEAREST: f32 = 1e-3;
 /// Stride of the rows, and of the layers, with the neighbours' corners around.
 const ROW: usize = 16;
 const LAYER: usize = ROW * (SIDE + 2);
@@ -18,40 +19,35 @@ const FIRST: usize = LAYER + ROW + 4;
 
 const ZERO: &Brick = &[0.0; CORNERS];
 
-/// The equations of a level's solved bricks: `(6 + m) u_i - Σ u_neighbour = b + pull + m u_i(last)`.
+/// The equations of a level's solved bricks: `(6 + m + wall) u_i - Σ u_neighbour = b + pull + m u_i(last)`.
 pub(super) struct Equations {
     pub(super) right: Vec<Brick>,
     weight: Vec<Brick>,
     beside: Vec<[u32; 6]>,
+    /// Of the bricks along each axis.
+    walls: [Vec<[f32; SIDE]>; 3],
     pub(super) pins: Pins,
 }
 
 impl Equations {
-    /// Corners farther from the cube's middle than `walls` along an axis are held.
+    /// The walls lie at these distances from the cube's middle, where its side is 1.
     pub(super) fn new(level: &Level, right: Vec<Brick>, pins: Pins, walls: [f32; 3]) -> Self {
-        let weight =
-            (0..level.solved).into_par_iter().map(|slot| weight(level, &pins, slot, walls)).collect();
+        let weight = (0..level.solved).into_par_iter().map(|slot| pins.diagonal(level, slot)).collect();
         let beside = (0..level.solved).map(|slot| level.beside(slot)).collect();
-        Self { right, weight, beside, pins }
+        let walls = walls.map(|wall| along_axis(level, wall));
+        Self { right, weight, beside, walls, pins }
     }
 }
 
-/// The screening's diagonal; corners on the walls and beyond are held.
-fn weight(level: &Level, pins: &Pins, slot: usize, walls: [f32; 3]) -> Brick {
-    let mut weight = pins.diagonal(level, slot);
-    let (place, middle) = (level.place(slot), 0.5 * level.scale());
-    let is_held = |k: usize, at: usize| {
-        ((SIDE as i32 * place[k] + at as i32) as f32 - middle).abs() >= walls[k] * level.scale()
+/// What the walls add to the diagonal, corner by corner along an axis: those on a wall and beyond are held at 0, and those less than
+/// a cell from one feel it the more the nearer it is.
+fn along_axis(level: &Level, wall: f32) -> Vec<[f32; SIDE]> {
+    let (scale, middle) = (level.scale(), 0.5 * level.scale());
+    let of_corner = |corner: usize| {
+        let left = wall * scale - (corner as f32 - middle).abs();
+        if left < NEAREST { HELD } else { (1.0 / left - 1.0).max(0.0) }
     };
-    if (0..3).any(|k| is_held(k, 0) || is_held(k, SIDE - 1)) {
-        for (i, weight) in weight.iter_mut().enumerate() {
-            let at = [i % SIDE, i / SIDE % SIDE, i / SIDE / SIDE];
-            if (0..3).any(|k| is_held(k, at[k])) {
-                *weight = HELD;
-            }
-        }
-    }
-    weight
+    (0..level.per_axis).map(|place| std::array::from_fn(|i| of_corner(SIDE * place + i))).collect()
 }
 
 /// One sweep over all solved bricks.
@@ -82,16 +78,28 @@ fn relax<'a>(
     let beside = equations.beside[slot].map(|slot| if slot == NONE { ZERO } else { other(slot as usize) });
     let mut right = equations.right[slot];
     equations.pins.pull(place.map(i32::from), slot, &mut right);
-    pulp::Arch::new().dispatch(|| relax_brick(brick, &beside, &mut right, &equations.weight[slot]));
+    let walls = std::array::from_fn(|k| equations.walls[k][usize::from(place[k])]);
+    pulp::Arch::new().dispatch(|| relax_brick(brick, &beside, &mut right, &equations.weight[slot], &walls));
 }
 
 #[inline(always)]
-fn relax_brick(brick: &mut Brick, beside: &[&Brick; 6], right: &mut Brick, weight: &Brick) {
+fn relax_brick(
+    brick: &mut Brick,
+    beside: &[&Brick; 6],
+    right: &mut Brick,
+    weight: &Brick,
+    walls: &[[f32; SIDE]; 3],
+) {
     let mut u = [0.0; LAYER * (SIDE + 2)];
     let mut inverse = [0.0; CORNERS];
-    for i in 0..CORNERS {
-        inverse[i] = 1.0 / (6.0 + weight[i]);
-        right[i] += weight[i] * brick[i];
+    for z in 0..SIDE {
+        for y in 0..SIDE {
+            for x in 0..SIDE {
+                let i = (z * SIDE + y) * SIDE + x;
+                inverse[i] = 1.0 / (6.0 + weight[i] + (walls[0][x] + walls[1][y] + walls[2][z]));
+                right[i] += weight[i] * brick[i];
+            }
+        }
     }
     gather(&mut u, brick, beside);
     for _ in 0..SWEEPS {

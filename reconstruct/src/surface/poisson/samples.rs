@@ -8,9 +8,8 @@ use crate::radix::sort_by_bits;
 const MARGIN: f64 = 1.1;
 const CUBE: f64 = 2.0 * MARGIN;
 /// Distance of the walls, where u is 0, from the points' box; the cube's side is 1. Far walls let the surface bulge out where no
-/// point holds it, near ones press it in: on an unseen underside this is nearly flat. The longest axis' walls fall on
-/// corners of the finest whole level.
-const WALL: f64 = 1.0 / (1 << super::solve::WHOLE) as f64 + 0.25 - 0.25 / MARGIN;
+/// point holds it, near ones press it in; this is between.
+const WALL: f64 = 0.0305;
 /// Cells along an axis of the middle half that the curve tells apart, as a power of two.
 const CURVE_BITS: u32 = 10;
 /// Bits of a place along the curve.

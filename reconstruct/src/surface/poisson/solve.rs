@@ -11,7 +11,7 @@ use crate::surface::blocks::{CORNERS, SIDE};
 
 /// Coarsest level; it and those up to `WHOLE` have all bricks.
 const BASE: u32 = 3;
-pub(super) const WHOLE: u32 = 6;
+const WHOLE: u32 = 6;
 /// Cells are smaller than a sample's kernel by no more than this.
 const FINER: f32 = 2.0;
 /// Corners round a sample's cell that its level must have.

@@ -111,7 +111,8 @@ fn dense_and_sparse_parts_meet_without_cracks() {
     assert_eq!(pieces(made.mesh.vertices.len(), &made.mesh.triangles).1, 1);
     let off = |p: &[f32; 3]| (Vector3::from(*p).norm() - 0.05).abs();
     let worst = made.mesh.vertices.points.iter().map(off).fold(0.0, f32::max);
-    assert!(worst < 0.0012, "{worst}");
+    // the sparse half's points lie 7 mm apart
+    assert!(worst < 0.0022, "{worst}");
 }
 
 #[test]
