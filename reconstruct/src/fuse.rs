@@ -34,7 +34,8 @@ pub struct FuseConfig {
     pub min_incidence_cosine: f32,
     /// Least weight of neighbours for a point to stay (1 = one pixel seen straight on).
     pub min_support: f32,
-    /// Points are kept above this height only, metres.
+    /// Points are kept above this height only, metres; minus infinity where there is no floor and the product was seen from all
+    /// sides.
     pub floor_metres: f32,
 }
 
@@ -86,7 +87,8 @@ pub fn fuse(views: &[PlacedView], config: &FuseConfig) -> Fused {
     let smoothed: Vec<Sample> =
         seeds.par_iter().filter_map(|s| smooth::smooth(s, &samples, &grid, config)).collect();
     let thinned = smooth::thin(&smoothed, config.voxel_metres);
-    let kept = clean::drop_board_remains(thinned, config);
+    let has_floor = config.floor_metres.is_finite();
+    let kept = if has_floor { clean::drop_board_remains(thinned, config) } else { thinned };
     to_fused(&clean::drop_small_clusters(kept))
 }
 

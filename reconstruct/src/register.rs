@@ -5,6 +5,7 @@
 
 pub mod extrapolate;
 pub mod fine;
+pub mod flip;
 pub mod fpfh;
 pub mod global;
 pub mod gradient;

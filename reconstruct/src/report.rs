@@ -1,11 +1,13 @@
 //! What is said about a scan: `report.json`, and the reasons why a view was left out, in words a seller understands.
 
+pub mod recordings;
 pub mod surface;
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::register::source_chain::SourceReport;
+use recordings::RecordingReport;
 use surface::SurfaceReport;
 
 /// `report.json`.
@@ -23,6 +25,9 @@ pub struct Report {
     /// Half widths of their 95 % intervals, metres.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dimensions_uncertainty_m: Option<[f64; 3]>,
+    /// The recordings and how they were joined; absent where there is only one.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub recordings: Vec<RecordingReport>,
     /// How much of the surface was measured, how well, and what is missing; absent where no surface was made.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub surface: Option<SurfaceReport>,

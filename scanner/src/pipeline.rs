@@ -10,6 +10,7 @@ pub mod free;
 pub mod load;
 pub mod markers;
 pub mod outcome;
+pub mod sessions;
 pub mod source;
 pub mod source_chain;
 pub mod stages;
@@ -24,6 +25,8 @@ use crate::config::{Config, Method};
 use crate::recording::RecordingError;
 use crate::ui::Ui;
 pub use source::ViewSource;
+pub use sessions::build_together;
+use load::Work;
 use stages::Stages;
 
 /// A built model, or the report that says why there is none.
@@ -43,17 +46,7 @@ pub struct Scan {
 /// and a report that says why.
 pub fn build(source: &dyn ViewSource, config: &Config, ui: &Ui) -> Result<Scan, RecordingError> {
     let mut stages = Stages::new(ui);
-    let mut scan =
-        stages.try_run("load", source.view_count(), |stage| load::load_and_average(source, config, stage))?;
-    stages.run("markers", |_| markers::place_on_board(&mut scan, source.board(), config))?;
-    if scan.has_board() {
-        if config.method == Method::Joint {
-            stages.run("calibrate", |_| depth::calibrate(&mut scan, config))?;
-        }
-        stages.run("cut", |_| cut::cut_background(&mut scan, config))?;
-    } else {
-        stages.run("place", |_| free::place_by_surfaces(&mut scan, config))?;
-    }
+    let mut scan = place(source, config, &mut stages)?;
     let (surface, source_report) = match config.method {
         Method::Joint => {
             stages.run("align", |_| align::refine_together(&mut scan, config))?;
@@ -71,4 +64,20 @@ pub fn build(source: &dyn ViewSource, config: &Config, ui: &Ui) -> Result<Scan, 
     let (model, mut report) = outcome::judge(&scan, surface, config, stages.timings());
     report.source_chain = source_report;
     Ok(Scan { model, report })
+}
+
+/// The first stages: every view has geometry and a first pose, and only the product is left.
+fn place(source: &dyn ViewSource, config: &Config, stages: &mut Stages) -> Result<Work, RecordingError> {
+    let mut scan =
+        stages.try_run("load", source.view_count(), |stage| load::load_and_average(source, config, stage))?;
+    stages.run("markers", |_| markers::place_on_board(&mut scan, source.board(), config))?;
+    if scan.has_board() {
+        if config.method == Method::Joint {
+            stages.run("calibrate", |_| depth::calibrate(&mut scan, config))?;
+        }
+        stages.run("cut", |_| cut::cut_background(&mut scan, config))?;
+    } else {
+        stages.run("place", |_| free::place_by_surfaces(&mut scan, config))?;
+    }
+    Ok(scan)
 }

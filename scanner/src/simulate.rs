@@ -20,6 +20,7 @@ pub mod nets;
 pub mod noise;
 pub mod product;
 pub mod raster;
+pub mod rest;
 pub mod scene;
 pub mod sdf;
 mod source;
@@ -31,6 +32,7 @@ mod write;
 pub use board::{Paper, ring};
 pub use depth::NoiseLevel;
 pub use product::Kind;
+pub use rest::Rest;
 pub use spec::{ScanSpec, SimulateError};
 pub use write::write;
 
@@ -110,6 +112,7 @@ impl Simulator {
         let room = room_inside(&spec.board).ok_or(SimulateError::NoRoom)?;
         let (product, world_from_product) = place(spec, room);
         let mesh = product.mesh();
+        let world_from_product = lay_down(spec.rest, &mesh, &world_from_product, room);
         let (low, high) = product.bounds();
         let middle = world_from_product * Point3::from(((low + high) * 0.5).cast::<f64>());
         let rig = rig(spec);
@@ -162,7 +165,7 @@ impl Simulator {
 
     /// Draws the scene of a view and hands the cameras to `take`.
     fn look<R>(&self, index: usize, take: impl FnOnce(&dyn Fn() -> ColorImage, &DepthView) -> R) -> R {
-        let seed = mix_seed(&[self.spec.seed, 0x71e3, index as u64]);
+        let seed = self.spec.rest_seed(&[0x71e3, index as u64]);
         let covers = self.covers(index);
         let scene = Scene::new(
             &self.product,
@@ -300,6 +303,37 @@ fn place(spec: &ScanSpec, room: [f64; 2]) -> (Product, Pose) {
     let centre = (low + high) * (0.5 * fit as f32);
     let to_middle = Translation3::new(f64::from(-centre.x), f64::from(-centre.y), 0.0);
     (product, Pose::from_parts(slide, turn) * to_middle)
+}
+
+/// Where a product is that does not stand: turned until it rests, its middle over the board's, slid and headed by the seed as if
+/// it stood. A long one lies along the board.
+fn lay_down(rest: Rest, mesh: &Mesh, standing: &Pose, room: [f64; 2]) -> Pose {
+    if rest == Rest::Standing {
+        return *standing;
+    }
+    let turn = rest.turn(mesh);
+    let points = || mesh.vertices.points.iter().map(|p| Point3::from(*p).cast::<f64>());
+    let across = |turn: &UnitQuaternion<f64>| {
+        points().map(|p| turn * p).fold(([f64::MAX; 3], [f64::MIN; 3]), |(low, high), p| {
+            (std::array::from_fn(|k| low[k].min(p[k])), std::array::from_fn(|k| high[k].max(p[k])))
+        })
+    };
+    let headed = |degrees: f64| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), degrees.to_radians()) * turn;
+    let tightness = |turn: &UnitQuaternion<f64>| {
+        let (low, high) = across(turn);
+        ((high[0] - low[0]) / room[0]).max((high[1] - low[1]) / room[1])
+    };
+    let headings = (0..18).map(|k| headed(20.0 * f64::from(k)));
+    // Any heading that fits will do; the seed's own is kept where it does.
+    let own = headed(standing.rotation.euler_angles().2.to_degrees());
+    let turn = if tightness(&own) < 1.8 {
+        own
+    } else {
+        headings.min_by(|a, b| tightness(a).total_cmp(&tightness(b))).unwrap_or(own)
+    };
+    let (low, high) = across(&turn);
+    let to = Translation3::new(-0.5 * (low[0] + high[0]), -0.5 * (low[1] + high[1]), -low[2]);
+    Pose::from_parts(to, turn)
 }
 
 /// The cameras: depth in the colour camera's geometry, or a depth camera of its own about 25 mm beside it.

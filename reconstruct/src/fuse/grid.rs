@@ -41,15 +41,15 @@ impl Grid {
 }
 
 /// Cell of a point; far outliers are clamped to 21 bits an axis.
-pub(super) fn cell_of(point: &[f32; 3], low: &[f32; 3], cell: f32) -> [u64; 3] {
+pub(crate) fn cell_of(point: &[f32; 3], low: &[f32; 3], cell: f32) -> [u64; 3] {
     std::array::from_fn(|k| (((point[k] - low[k]) / cell).max(0.0) as u64).min((1 << 21) - 2))
 }
 
-pub(super) fn key([x, y, z]: [u64; 3]) -> u64 {
+pub(crate) fn key([x, y, z]: [u64; 3]) -> u64 {
     (z << 42) | (y << 21) | x
 }
 
 /// Lowest coordinates.
-pub(super) fn lowest(points: &[[f32; 3]]) -> [f32; 3] {
+pub(crate) fn lowest(points: &[[f32; 3]]) -> [f32; 3] {
     points.iter().fold([f32::MAX; 3], |low, p| std::array::from_fn(|k| low[k].min(p[k])))
 }

@@ -139,6 +139,16 @@ pub fn place(
     choose(source, target, matches, &starts, config)
 }
 
+/// Placements that several matches agree on, strongest first, not judged by anything else.
+pub(super) fn starts_of_matches(
+    source: &Seen<'_>,
+    target: &Seen<'_>,
+    matches: &[Match],
+    config: &PairwiseConfig,
+) -> Vec<Pose> {
+    hypotheses(source, target, matches, config)
+}
+
 /// Evidence for a given placement, without rivals.
 pub fn judge_at(source: &Seen<'_>, target: &Seen<'_>, pose: &Pose, config: &PairwiseConfig) -> Evidence {
     Pair::new(source, target, config).evidence(pose)

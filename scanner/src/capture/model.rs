@@ -211,6 +211,7 @@ mod tests {
         Report {
             version: 1,
             views: vec![],
+            recordings: vec![],
             points,
             dimensions_m: None,
             dimensions_uncertainty_m: None,

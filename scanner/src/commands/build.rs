@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
+use anyhow::ensure;
 use reconstruct::register::source_chain::SourceReport;
 use reconstruct::report::{Report, Verdict, ViewReport};
 use serde_json::json;
@@ -10,7 +11,7 @@ use serde_json::json;
 use crate::cli::{DONE, NO_GOOD_SCAN};
 use crate::config::{Config, Method};
 use crate::output;
-use crate::pipeline;
+use crate::pipeline::{self, ViewSource, sessions::Recorded};
 use crate::recording::Recording;
 use crate::result;
 use crate::ui::Ui;
@@ -20,15 +21,20 @@ use crate::unit_calibration;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Writes model.asc (millimetres), model.ply and model.glb (metres), poster.png and report.json.
+Several recordings of one product, on a board each, become one model: standing in the first, whose board is
+the world, laid on its side or upside down in the others. How they belong together is found by shape and colour.
+In the report the views of the second recording are named 2/000, 2/001 and so on.
 With exit status 1 only report.json is written: it says which views could not be used, why, and what to do.
 
 Examples:
   scan-product build rec --out out
+  scan-product build standing lying --out out         underside included
   scan-product build rec --out out --method source    for comparison: the source's own chain
   scan-product build stream --out out --no-board      placed by the surfaces alone")]
 pub struct Args {
-    /// Folder of the recording: recording.json, its pictures, and board.json
-    pub recording: PathBuf,
+    /// Folder of the recording: recording.json, its pictures, and board.json; more of them show the same product turned over
+    #[arg(value_name = "RECORDING", required = true, num_args = 1..)]
+    pub recordings: Vec<PathBuf>,
     /// Folder for the result; older results in it are replaced
     #[arg(short, long, value_name = "DIR")]
     pub out: PathBuf,
@@ -49,21 +55,21 @@ pub struct Args {
 impl Args {
     /// The usual build of a recording.
     pub fn of(recording: PathBuf, out: PathBuf) -> Self {
-        Self { recording, out, method: Method::Joint, no_board: false, no_calibration: false, seed: 1 }
+        Self { recordings: vec![recording], out, method: Method::Joint, no_board: false, no_calibration: false, seed: 1 }
     }
 }
 
 /// Builds and writes; the exit status says whether there is a model.
 pub fn run(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
-    let recording = Recording::open(&args.recording)?;
+    let recordings = open(args)?;
     output::check_writable(&args.out)?;
-    if recording.board().is_none() && !args.no_board {
+    if recordings.len() == 1 && recordings[0].board().is_none() && !args.no_board {
         ui.note("no board.json lies beside recording.json: the views are placed by their surfaces, as with --no-board");
     }
-    let depth_prior = if args.no_calibration { None } else { unit_calibration::prior_of(&recording)? };
-    let (method, no_board, seed) = (args.method, args.no_board, args.seed);
-    let config = Config { method, no_board, seed, depth_prior, ..Config::default() };
-    let scan = pipeline::build(&recording, &config, ui)?;
+    let configs = recordings.iter().map(|r| config(args, r)).collect::<anyhow::Result<Vec<Config>>>()?;
+    let recorded: Vec<Recorded<'_>> =
+        recordings.iter().zip(&configs).map(|(r, c)| (r as &dyn ViewSource, c)).collect();
+    let scan = pipeline::build_together(&recorded, ui)?;
     let writing = ui.stage("write", 1);
     result::write(&args.out, &scan.model, &scan.report)?;
     writing.done();
@@ -74,6 +80,32 @@ pub fn run(args: &Args, ui: &Ui) -> anyhow::Result<u8> {
     let machine = json!({"out": args.out, "report": scan.report});
     ui.result(&words(&scan.report, &args.out.display().to_string()), &machine);
     Ok(if scan.model.vertices.is_empty() { NO_GOOD_SCAN } else { DONE })
+}
+
+/// The recordings; several must each have a board and be built the usual way.
+fn open(args: &Args) -> anyhow::Result<Vec<Recording>> {
+    let recordings =
+        args.recordings.iter().map(|path| Recording::open(path)).collect::<Result<Vec<_>, _>>()?;
+    if recordings.len() > 1 {
+        ensure!(
+            !args.no_board && args.method == Method::Joint,
+            "several recordings are joined with their boards only: leave out --no-board and --method source"
+        );
+        for (path, recording) in args.recordings.iter().zip(&recordings) {
+            ensure!(recording.board().is_some(), "{} has no board.json, which joining needs", path.display());
+        }
+        let mut places: Vec<PathBuf> = args.recordings.iter().map(|p| p.canonicalize()).collect::<Result<_, _>>()?;
+        places.sort_unstable();
+        places.dedup();
+        ensure!(places.len() == recordings.len(), "one recording is named twice");
+    }
+    Ok(recordings)
+}
+
+fn config(args: &Args, recording: &Recording) -> anyhow::Result<Config> {
+    let depth_prior = if args.no_calibration { None } else { unit_calibration::prior_of(recording)? };
+    let (method, no_board, seed) = (args.method, args.no_board, args.seed);
+    Ok(Config { method, no_board, seed, depth_prior, ..Config::default() })
 }
 
 /// What is known of a used view, for the curious.

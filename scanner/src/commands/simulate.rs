@@ -9,7 +9,7 @@ use serde_json::json;
 
 use crate::cli::DONE;
 use crate::recording::{check_place, parse_board};
-use crate::simulate::{Kind, NoiseLevel, Paper, ScanSpec, ring, scan_with, write};
+use crate::simulate::{Kind, NoiseLevel, Paper, Rest, ScanSpec, ring, scan_with, write};
 use crate::ui::Ui;
 
 /// Largest board file that is read, bytes.
@@ -23,14 +23,18 @@ The same arguments and seed give the same bytes.
 
 Examples:
   scan-product simulate --product mug --out rec
+  scan-product simulate --product mug --pose side --out rec-lying
   scan-product simulate --product shoe --noise high --scale-error 0.015 --knock 3 --out rec
   scan-product simulate --product camera --no-board --out rec")]
 pub struct Args {
     /// What to scan
     #[arg(long, value_enum, required_unless_present = "random")]
     product: Option<Kind>,
+    /// How the product lies on the board; with the same seed it is the same product
+    #[arg(long, value_enum, value_name = "POSE", default_value_t = Rest::Standing)]
+    pose: Rest,
     /// A scan of the accuracy run: product, views, errors and board are drawn by the seed
-    #[arg(long, conflicts_with_all = ["product", "no_board", "scale_error", "warp_px", "noise", "board", "family", "hide_board", "knock"])]
+    #[arg(long, conflicts_with_all = ["product", "pose", "no_board", "scale_error", "warp_px", "noise", "board", "family", "hide_board", "knock"])]
     random: bool,
     /// Folder of the recording
     #[arg(long, value_name = "DIR")]
@@ -128,6 +132,7 @@ fn spec(args: &Args) -> anyhow::Result<ScanSpec> {
     }
     spec.board = board(&args.board, args.family)?;
     Ok(ScanSpec {
+        rest: args.pose,
         noise: args.noise,
         warp_px: args.warp_px,
         scale_error: args.scale_error,

@@ -48,6 +48,7 @@ pub fn judge(
     let mut report = Report {
         version: 1,
         views: scan.views.iter().map(view_report).collect(),
+        recordings: Vec::new(),
         points: cloud.len(),
         dimensions_m: size.map(|s| s.metres.map(|v| round(v, 1e5))),
         dimensions_uncertainty_m: size.map(|s| s.uncertainty_metres.map(|v| round(v, 1e5))),

@@ -39,13 +39,14 @@ impl<'a> Stages<'a> {
         Ok(result)
     }
 
-    /// Wall time of every stage in milliseconds.
+    /// Wall time of every stage in milliseconds, over all recordings.
     pub fn timings(self) -> Map<String, Value> {
         self.timings_ms
     }
 
     fn keep(&mut self, name: &str, stage: Stage) {
-        let millis = stage.done().as_secs_f64() * 1000.0;
+        let before = self.timings_ms.get(name).and_then(Value::as_f64).unwrap_or(0.0);
+        let millis = before + stage.done().as_secs_f64() * 1000.0;
         self.timings_ms.insert(name.to_owned(), json!((millis * 10.0).round() / 10.0));
     }
 }

@@ -9,6 +9,7 @@ use super::color::look_at;
 use super::depth::NoiseLevel;
 use super::noise::mix_seed;
 use super::product::Kind;
+use super::rest::Rest;
 
 /// Why a scan can't be simulated.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -40,6 +41,8 @@ pub enum SimulateError {
 pub struct ScanSpec {
     /// What is scanned.
     pub product: Kind,
+    /// How it lies: another pose of the same product has the same seed.
+    pub rest: Rest,
     /// Everything left to chance follows from it.
     pub seed: u64,
     /// Number of views.
@@ -75,6 +78,7 @@ impl ScanSpec {
     pub fn new(product: Kind, seed: u64) -> Self {
         Self {
             product,
+            rest: Rest::Standing,
             seed,
             views: 8,
             frames: 5,
@@ -144,13 +148,20 @@ impl ScanSpec {
         }
     }
 
+    /// Seed of what differs between recordings of the same product in different poses.
+    pub(super) fn rest_seed(&self, parts: &[u64]) -> u64 {
+        let all: Vec<u64> =
+            std::iter::once(self.seed).chain(parts.iter().copied()).chain(self.rest.salt()).collect();
+        mix_seed(&all)
+    }
+
     /// Where the colour camera stands in every view: a walk around the point `middle`, held by hand.
     pub fn stations(&self, middle: &Point3<f64>) -> Vec<Pose> {
         (0..self.views).map(|view| self.station(view, middle)).collect()
     }
 
     fn station(&self, view: usize, middle: &Point3<f64>) -> Pose {
-        let mut rng = fastrand::Rng::with_seed(mix_seed(&[self.seed, 0x57a7, view as u64]));
+        let mut rng = fastrand::Rng::with_seed(self.rest_seed(&[0x57a7, view as u64]));
         let mut shaken = |by: f64| by * (2.0 * rng.f64() - 1.0);
         // A stream goes steadily; single views are taken by hand.
         let hand = if self.no_board { 0.3 } else { 1.0 };

@@ -69,7 +69,7 @@ fn poses(scan: &SimulatedScan) -> Value {
     json!({
         "views": views,
         "args": {
-            "product": spec.product.name(), "seed": spec.seed, "views": spec.views, "frames": spec.frames,
+            "product": spec.product.name(), "pose": spec.rest, "seed": spec.seed, "views": spec.views, "frames": spec.frames,
             "noise": spec.noise, "warp": spec.warp_px, "scale_bias": spec.scale_error, "family": family,
             "hide_board": spec.hide_board, "elevation": spec.elevations_deg, "distance": spec.distances_m,
             "unregistered": spec.unregistered, "mirrored": spec.mirrored,
