@@ -14,6 +14,7 @@ mod doctor;
 mod imports;
 mod interrupt;
 mod method_source;
+mod poses;
 mod repeatable;
 mod report;
 mod secrets;

@@ -24,9 +24,9 @@ use reconstruct::surface::{self, Surface};
 use crate::config::{Config, Method};
 use crate::recording::RecordingError;
 use crate::ui::Ui;
-pub use source::ViewSource;
-pub use sessions::build_together;
 use load::Work;
+pub use sessions::build_together;
+pub use source::ViewSource;
 use stages::Stages;
 
 /// A built model, or the report that says why there is none.

@@ -4,6 +4,7 @@
 
 use std::fmt::Write as _;
 
+use reconstruct::report::recordings::RecordingReport;
 use reconstruct::report::surface::SurfaceReport;
 use reconstruct::report::{Report, Verdict, ViewReport};
 use reconstruct::surface::{Hole, HoleKind};
@@ -25,6 +26,7 @@ pub fn in_words(report: &Report) -> String {
     if let Some(surface) = &report.surface {
         text.push_str(&surface_in_words(surface, report));
     }
+    text.push_str(&recordings_in_words(&report.recordings));
     text.push_str(&views_in_words(&report.views));
     text.push_str(&looseness_in_words(&report.views));
     text.push_str(&calibration_in_words(report));
@@ -60,9 +62,13 @@ fn surface_in_words(surface: &SurfaceReport, report: &Report) -> String {
     );
     let _ = writeln!(
         text,
-        "  invented    {:>8.1} cm²: the underside and small gaps, shown striped",
-        cm2(surface.invented_m2)
+        "  invented    {:>8.1} cm²: {}small gaps, shown striped",
+        cm2(surface.invented_m2),
+        if surface.underside_measured_percent.is_some() { "" } else { "the underside and " }
     );
+    if let Some(percent) = surface.underside_measured_percent {
+        let _ = writeln!(text, "  underside   {percent:>8.1} % measured");
+    }
     let _ = writeln!(text, "  coverage    {:>8.1} % of what can be seen of it", surface.coverage_percent);
     let closed = if surface.watertight { "closed everywhere" } else { "open where nothing was seen" };
     let _ = writeln!(text, "  {} triangles, {closed}", surface.triangles);
@@ -145,6 +151,25 @@ fn direction(facing: [f64; 3], front: f64) -> String {
         h if h < -25.0 => format!("{side}, facing down"),
         _ => side.to_owned(),
     }
+}
+
+/// How the recordings belong together, where there are several.
+fn recordings_in_words(recordings: &[RecordingReport]) -> String {
+    let mut text = String::new();
+    for (number, recording) in (1..).zip(recordings) {
+        text.push_str(if number == 1 { "\nRecordings\n" } else { "" });
+        let _ = write!(text, "  {number}: {} views", recording.views);
+        let _ = match (&recording.joined, number) {
+            (_, 1) => writeln!(text, ", its board is the ground"),
+            (Some(j), _) => writeln!(
+                text,
+                ", joined by {:.0} % of common surface, {:.2} mm apart, {:.0} % ahead of the next best way",
+                j.overlap_percent, j.surface_mm, j.lead_percent
+            ),
+            (None, _) => writeln!(text, ", not joined"),
+        };
+    }
+    text
 }
 
 fn views_in_words(views: &[ViewReport]) -> String {

@@ -318,7 +318,8 @@ fn lay_down(rest: Rest, mesh: &Mesh, standing: &Pose, room: [f64; 2]) -> Pose {
             (std::array::from_fn(|k| low[k].min(p[k])), std::array::from_fn(|k| high[k].max(p[k])))
         })
     };
-    let headed = |degrees: f64| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), degrees.to_radians()) * turn;
+    let headed =
+        |degrees: f64| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), degrees.to_radians()) * turn;
     let tightness = |turn: &UnitQuaternion<f64>| {
         let (low, high) = across(turn);
         ((high[0] - low[0]) / room[0]).max((high[1] - low[1]) / room[1])

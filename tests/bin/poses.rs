@@ -56,9 +56,25 @@ fn main() -> anyhow::Result<()> {
     let kinds = if args.products.is_empty() { Kind::ALL.to_vec() } else { args.products.clone() };
     let mut counts = [0usize; 3];
     println!(
-        "{:10} {:11} {:>4}  {:8} {:>7} {:>7} {:>6} {:>6} {:>6} {:>6} {:>6} | {:>6} {:>6} {:>6} {:>7} {:>7} {:>6}",
-        "product", "pose", "seed", "outcome", "off mm", "overlap", "confl", "rms mm", "colour", "lead", "added",
-        "median", "p95", "p95 of A", "under", "under A", "height"
+        "{:10} {:11} {:>4}  {:8} {:>7} {:>7} {:>6} {:>6} {:>6} {:>6} {:>6} | {:>6} {:>6} {:>6} {:>7} {:>7} {:>6} {:>6}",
+        "product",
+        "pose",
+        "seed",
+        "outcome",
+        "off mm",
+        "overlap",
+        "confl",
+        "rms mm",
+        "colour",
+        "lead",
+        "added",
+        "median",
+        "p95",
+        "p95 of A",
+        "under",
+        "under A",
+        "height",
+        "of A"
     );
     for seed in args.seeds.iter().copied() {
         for (k, kind) in kinds.iter().copied().enumerate() {
@@ -113,9 +129,10 @@ fn one(
         Surface::of(&first.truth.mesh).map_or_else(Vec::new, |s| surface_errors(&s, &mesh.measured().points))
     };
     let (both, a) = (errors(&built.model), errors(&alone.model));
-    let height = built.report.dimensions_m.map_or(f64::NAN, |d| d[2]) - truth_height(&first.truth.mesh);
+    let height =
+        |scan: &Scan| scan.report.dimensions_m.map_or(f64::NAN, |d| d[2]) - truth_height(&first.truth.mesh);
     println!(
-        "{head}  {:8} {:>7.2} {:>7.1} {:>6.2} {:>6.2} {:>6} {:>6.0} {:>6.0} | {:>6.2} {:>6.2} {:>6.2} {:>7.1} {:>7.1} {:>6.2}{}",
+        "{head}  {:8} {:>7.2} {:>7.1} {:>6.2} {:>6.2} {:>6} {:>6.0} {:>6.0} | {:>6.2} {:>6.2} {:>6.2} {:>7.1} {:>7.1} {:>6.2} {:>6.2}{}",
         ["right", "refused", "WRONG"][outcome],
         off * 1000.0,
         joined.overlap_percent,
@@ -129,7 +146,8 @@ fn one(
         percentile(&a, 0.95) * 1000.0,
         underside_measured(&first.truth.mesh, &built.model),
         underside_measured(&first.truth.mesh, &alone.model),
-        height * 1000.0,
+        height(&built) * 1000.0,
+        height(alone) * 1000.0,
         if built_any { String::new() } else { format!("  {}", built.report.verdict_reason) },
     );
     let left_out = built.report.views.iter().filter(|v| !v.used).count();

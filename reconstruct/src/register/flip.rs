@@ -9,6 +9,7 @@
 
 mod color;
 mod judge;
+mod settle;
 mod side;
 mod slide;
 mod starts;
@@ -119,6 +120,8 @@ pub enum Apart {
 const SAME: (f64, f64) = (0.10, 0.006);
 /// Places that a placement must be away from another to be a rival.
 const RIVAL: (f64, f64) = (0.30, 0.020);
+/// What a lead in paint is worth against one in score.
+const PAINT_LEAD: f64 = 0.75;
 /// Starts that are refined, and refined ones that are judged with all views.
 const COARSE: usize = 400;
 const FINE: usize = 60;
@@ -194,11 +197,14 @@ impl<'a> Pair<'a> {
         let weak = slide::weak_directions(self, &first);
         let slid = slide::along_weak(self, &weak, ranked.into_iter().map(|(_, pose)| pose).collect());
         let ranked = self.distinct(ranked_by_evidence(self, slid));
-        let Some(&(score, best)) = ranked.first() else { return Err(Apart::Nothing) };
-        let rival = ranked[1..].iter().find(|(_, pose)| self.apart(&best, pose, RIVAL)).copied();
+        let Some(&(_, best)) = ranked.first() else { return Err(Apart::Nothing) };
+        let weak = slide::weak_directions(self, &best);
+        let best = slide::finely(self, &weak, settle::settled(self, &weak, &best));
+        let best = settle::settled(self, &weak, &best);
         let mut evidence = self.judge.evidence(&best);
-        let other = rival.map_or(0.0, |(score, _)| score.max(0.0));
-        evidence.margin = (score - other) / score.abs().max(1e-9);
+        let rivals = ranked[1..].iter().filter(|(_, pose)| self.apart(&best, pose, RIVAL));
+        evidence.margin =
+            rivals.map(|(_, pose)| lead(&evidence, &self.judge.evidence(pose))).fold(1.0, f64::min);
         if evidence.overlap < config.min_overlap {
             return Err(Apart::TooLittle(evidence));
         }
@@ -211,8 +217,17 @@ impl<'a> Pair<'a> {
         if evidence.margin < config.min_margin {
             return Err(Apart::Ambiguous(evidence));
         }
-        Ok(Found { a_from_b: best, evidence, weak: slide::weak_directions(self, &best) })
+        Ok(Found { a_from_b: best, evidence, weak })
     }
+}
+
+/// How clearly a placement is better than another: by its score, or, where most paint is alike whatever the turn (a can's rims and
+/// bands), by what is left of it unlike.
+fn lead(best: &Evidence, other: &Evidence) -> f64 {
+    let by_score = (best.score - other.score.max(0.0)) / best.score.abs().max(1e-9);
+    let unlike = |e: &Evidence| (1.0 - e.color).clamp(1e-3, 1.0);
+    let by_paint = best.texture.min(other.texture) * (1.0 - unlike(best) / unlike(other));
+    by_score.max(PAINT_LEAD * by_paint)
 }
 
 fn ranked_by_evidence(pair: &Pair<'_>, poses: Vec<Pose>) -> Vec<(f64, Pose)> {

@@ -5,6 +5,10 @@ use serde::{Deserialize, Serialize};
 use crate::mesh::{Mesh, topology};
 use crate::surface::{Hole, HoleKind, Surface};
 
+/// What lies lower and faces the floor this much is the side a product stands on, metres and cosine.
+const UNDERSIDE_METRES: f64 = 0.010;
+const FACES_DOWN: f64 = -0.6;
+
 /// The surface in `report.json`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct SurfaceReport {
@@ -17,6 +21,9 @@ pub struct SurfaceReport {
     /// Share of measured surface in all there is to see: with small holes and large ones, without the side it stands on,
     /// percent.
     pub coverage_percent: f64,
+    /// Share of the side it stands on that was measured, percent; only of several recordings, one of which shows it turned over.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub underside_measured_percent: Option<f64>,
     /// Whether the surface is closed everywhere.
     pub watertight: bool,
     /// Measured points a square centimetre.
@@ -44,11 +51,31 @@ pub fn describe(surface: &Surface) -> SurfaceReport {
         measured_m2: rounded(measured, 1e7),
         invented_m2: rounded(invented, 1e7),
         coverage_percent: rounded(100.0 * measured / to_see.max(1e-12), 10.0),
+        underside_measured_percent: None,
         watertight: !mesh.triangles.is_empty() && topology::borders(&mesh.triangles).is_empty(),
         points_per_cm2: rounded(mesh.measured_count() as f64 / (measured * 1e4).max(1e-12), 10.0),
         deviation_mm: deviations_mm(mesh),
         holes: surface.holes.iter().map(rounded_hole).collect(),
     }
+}
+
+/// Share of the surface near the floor (world frame, z up) that faces it and was measured, percent; `None` where there is none.
+pub fn underside_measured_percent(surface: &Surface) -> Option<f64> {
+    let mesh = &surface.mesh;
+    let (mut measured, mut missing) = (0.0, 0.0);
+    for triangle in &mesh.triangles {
+        let low = triangle.iter().all(|&v| f64::from(mesh.vertices.points[v as usize][2]) < UNDERSIDE_METRES);
+        let area = mesh.twice_area_vector(triangle);
+        if low && area.z < FACES_DOWN * area.norm() {
+            let invented = triangle.iter().any(|&v| mesh.is_invented(v as usize));
+            *if invented { &mut missing } else { &mut measured } += 0.5 * area.norm();
+        }
+    }
+    let open = |h: &&Hole| {
+        h.kind == HoleKind::Unseen && h.facing[2] < FACES_DOWN && h.center_m[2] < UNDERSIDE_METRES
+    };
+    missing += surface.holes.iter().filter(open).map(|h| h.area_m2).sum::<f64>();
+    (measured + missing > 0.0).then(|| rounded(100.0 * measured / (measured + missing), 10.0))
 }
 
 fn deviations_mm(mesh: &Mesh) -> [f64; 2] {
@@ -98,5 +125,20 @@ mod tests {
         assert_eq!(report.coverage_percent, 50.0);
         assert!(!report.watertight);
         assert_eq!(report.deviation_mm, [0.3, 0.3]);
+    }
+
+    #[test]
+    fn of_the_underside_what_was_measured_is_told_from_what_was_not() {
+        let points = vec![[0.0; 3], [0.1, 0.0, 0.0], [0.1, 0.1, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]];
+        let mut mesh = Mesh {
+            vertices: PointCloud { points, ..PointCloud::default() },
+            // Two that face down, one of them partly invented, and one that faces sideways.
+            triangles: vec![[0, 2, 1], [0, 3, 2], [0, 1, 4]],
+            deviations_metres: vec![0.0002, 0.0003, 0.0004, INVENTED, 0.0002],
+        };
+        let of = |mesh: &Mesh| underside_measured_percent(&Surface { mesh: mesh.clone(), holes: vec![] });
+        assert_eq!(of(&mesh), Some(50.0));
+        mesh.vertices.points.iter_mut().for_each(|p| p[2] += 0.05);
+        assert_eq!(of(&mesh), None);
     }
 }

@@ -55,7 +55,14 @@ pub struct Args {
 impl Args {
     /// The usual build of a recording.
     pub fn of(recording: PathBuf, out: PathBuf) -> Self {
-        Self { recordings: vec![recording], out, method: Method::Joint, no_board: false, no_calibration: false, seed: 1 }
+        Self {
+            recordings: vec![recording],
+            out,
+            method: Method::Joint,
+            no_board: false,
+            no_calibration: false,
+            seed: 1,
+        }
     }
 }
 
@@ -94,7 +101,8 @@ fn open(args: &Args) -> anyhow::Result<Vec<Recording>> {
         for (path, recording) in args.recordings.iter().zip(&recordings) {
             ensure!(recording.board().is_some(), "{} has no board.json, which joining needs", path.display());
         }
-        let mut places: Vec<PathBuf> = args.recordings.iter().map(|p| p.canonicalize()).collect::<Result<_, _>>()?;
+        let mut places: Vec<PathBuf> =
+            args.recordings.iter().map(|p| p.canonicalize()).collect::<Result<_, _>>()?;
         places.sort_unstable();
         places.dedup();
         ensure!(places.len() == recordings.len(), "one recording is named twice");
@@ -139,6 +147,9 @@ fn words(report: &Report, out: &str) -> String {
     if let (Some(size), Some(off)) = (report.dimensions_m, report.dimensions_uncertainty_m) {
         let mm = |i: usize| format!("{:.1} ± {:.1}", size[i] * 1000.0, off[i] * 1000.0);
         let _ = writeln!(text, "length {} mm, width {} mm, height {} mm (95 %)", mm(0), mm(1), mm(2));
+    }
+    if let Some(percent) = report.surface.as_ref().and_then(|s| s.underside_measured_percent) {
+        let _ = writeln!(text, "underside: {percent:.0} % measured");
     }
     let verdict = match report.verdict {
         Verdict::Good => "good",

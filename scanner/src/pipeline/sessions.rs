@@ -9,6 +9,7 @@ mod words;
 use reconstruct::fuse::{self, FuseConfig};
 use reconstruct::pose;
 use reconstruct::report::recordings::RecordingReport;
+use reconstruct::report::surface::underside_measured_percent;
 use reconstruct::surface::{self, Surface};
 
 use super::load::Work;
@@ -38,8 +39,16 @@ pub fn build_together(recordings: &[Recorded<'_>], ui: &Ui) -> Result<Scan, Reco
         let next = alone(k + 2, source, own, &mut stages)?;
         stages.run("join", |_| merged.join(next, k + 2, config))?;
     }
-    let surface = if merged.scan.failure.is_some() { Surface::default() } else { merged.surface(config, &mut stages)? };
+    let surface = if merged.scan.failure.is_some() {
+        Surface::default()
+    } else {
+        merged.surface(config, &mut stages)?
+    };
+    let underside = underside_measured_percent(&surface).filter(|_| merged.turned);
     let (model, mut report) = outcome::judge(&merged.scan, surface, config, stages.timings());
+    if let Some(surface) = &mut report.surface {
+        surface.underside_measured_percent = underside;
+    }
     report.recordings = merged.recordings;
     Ok(Scan { model, report })
 }
@@ -85,16 +94,12 @@ impl Merged {
             world_from_board: Some(pose::to_row_major(&pose::Pose::identity())),
             ..described(&scan, 1)
         };
-        let sessions = vec![0..scan.views.len()];
+        let sessions = std::iter::once(0..scan.views.len()).collect();
         Self { scan, recordings: vec![recording], sessions, turned: false }
     }
 
     fn fuse_config(&self, config: &Config) -> FuseConfig {
-        if self.turned {
-            FuseConfig { floor_metres: f32::NEG_INFINITY, ..config.fuse }
-        } else {
-            config.fuse
-        }
+        if self.turned { FuseConfig { floor_metres: f32::NEG_INFINITY, ..config.fuse } } else { config.fuse }
     }
 
     fn surface(&self, config: &Config, stages: &mut Stages) -> Result<Surface, RecordingError> {

@@ -56,12 +56,14 @@ impl Rest {
     }
 }
 
+/// Directions in which outermost corners are looked for.
+const DIRECTIONS: usize = 3000;
+
 /// Corners relative to the mesh's middle that lie farthest in some direction: all others never touch the board.
 fn hull_candidates(mesh: &Mesh) -> Vec<Vector3<f64>> {
     let points: Vec<Vector3<f64>> =
         mesh.vertices.points.iter().map(|p| Vector3::from(*p).cast::<f64>()).collect();
     let middle = middle_of_mass(mesh);
-    const DIRECTIONS: usize = 3000;
     let mut chosen: Vec<usize> = (0..DIRECTIONS)
         .filter_map(|k| {
             // Evenly over the sphere: a spiral by the golden angle.

@@ -4,8 +4,9 @@ use nalgebra::{Point3, Vector3};
 
 use super::super::near_field::NearField;
 use super::Evidence;
-use super::color::{Comparison, Paint};
-use super::side::Prepared;
+use super::color::Comparison;
+use super::settle::Row;
+use super::side::{Dense, Prepared};
 use crate::fuse::PlacedView;
 use crate::pose::Pose;
 use crate::view::DepthView;
@@ -15,6 +16,8 @@ const ON_SURFACE: f32 = 0.003;
 /// Points looked at by the first judgements.
 const GLANCE: usize = 250;
 const NEARNESS: usize = 1200;
+/// Points whose paint is compared in the end.
+const PAINTED: usize = 5000;
 /// Surfaces farther apart along the line of sight contradict each other, metres.
 const SEEN_THROUGH: f64 = 0.005;
 /// Points lower than this lie under the board, metres.
@@ -26,7 +29,7 @@ const FACING: f64 = 0.4;
 struct Half<'a> {
     points: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
-    paint: Vec<Paint>,
+    dense: Dense,
     field: NearField,
     views: Vec<(Pose, &'a DepthView)>,
     cell: f32,
@@ -78,6 +81,8 @@ impl Met {
 struct Look {
     points: usize,
     width: f32,
+    /// Points whose paint is compared.
+    painted: usize,
     with_views: bool,
 }
 
@@ -94,25 +99,25 @@ impl<'a> Judge<'a> {
 
     /// Quick and coarse: what lies about a centimetre off counts.
     pub(super) fn glance(&self, a_from_b: &Pose) -> f64 {
-        let look = Look { points: GLANCE, width: 0.012, with_views: false };
+        let look = Look { points: GLANCE, width: 0.012, painted: 0, with_views: false };
         self.look(a_from_b, &look).evidence().shape_score
     }
 
     /// Without the views.
     pub(super) fn nearness(&self, a_from_b: &Pose) -> f64 {
-        let look = Look { points: NEARNESS, width: 0.006, with_views: false };
+        let look = Look { points: NEARNESS, width: 0.006, painted: NEARNESS, with_views: false };
         self.look(a_from_b, &look).evidence().score
     }
 
     /// All points and the paint, without the views: what changes when a placement slides along its surfaces.
     pub(super) fn closeness(&self, a_from_b: &Pose) -> f64 {
-        let look = Look { points: usize::MAX, width: ON_SURFACE, with_views: false };
+        let look = Look { points: usize::MAX, width: ON_SURFACE, painted: PAINTED, with_views: false };
         self.look(a_from_b, &look).evidence().score
     }
 
     /// All that is known.
     pub(super) fn evidence(&self, a_from_b: &Pose) -> Evidence {
-        let look = Look { points: usize::MAX, width: ON_SURFACE, with_views: true };
+        let look = Look { points: usize::MAX, width: ON_SURFACE, painted: PAINTED, with_views: true };
         self.look(a_from_b, &look).evidence()
     }
 
@@ -121,8 +126,8 @@ impl<'a> Judge<'a> {
         a.meet(b, a_from_b, look).plus(&b.meet(a, &a_from_b.inverse(), look))
     }
 
-    /// Pairs of points that lie on each other: place and normal of the first recording's, and of the second's in its frame.
-    pub(super) fn pairs(&self, a_from_b: &Pose) -> Vec<(Vector3<f64>, Vector3<f64>)> {
+    /// The second recording's points that lie on the first one's surface.
+    pub(super) fn pairs(&self, a_from_b: &Pose) -> Vec<Row> {
         let [a, b] = &self.halves;
         let moved = a_from_b.cast::<f32>();
         (0..b.points.len())
@@ -130,9 +135,24 @@ impl<'a> Judge<'a> {
                 let (p, n) = b.moved(i, &moved);
                 let (j, _) = a.on_surface(&p, &n, ON_SURFACE)?;
                 let n = (n + Vector3::from(a.normals[j])).normalize();
-                Some((p.coords.cast(), n.cast()))
+                let distance = f64::from(n.dot(&(p.coords - Vector3::from(a.points[j]))));
+                Some(Row { place: p.coords.cast(), along: n.cast(), distance })
             })
             .collect()
+    }
+
+    /// What the product stands on in either recording, as the other one measured it: its height above the board.
+    pub(super) fn feet(&self, a_from_b: &Pose) -> Vec<Row> {
+        let [a, b] = &self.halves;
+        let of_b =
+            b.dense.foot(a_from_b).map(|(place, distance)| Row { place, along: Vector3::z(), distance });
+        // Its own board moves with the second recording: the first one's points move against it.
+        let of_a = a.dense.foot(&a_from_b.inverse()).map(|(place, distance)| Row {
+            place: (a_from_b * Point3::from(place)).coords,
+            along: -(a_from_b.rotation * Vector3::z()),
+            distance,
+        });
+        of_b.into_iter().chain(of_a).collect()
     }
 }
 
@@ -141,7 +161,7 @@ impl<'a> Half<'a> {
         Self {
             points: side.cloud.points.clone(),
             normals: side.cloud.normals.clone(),
-            paint: side.paint.clone(),
+            dense: side.dense.clone(),
             field: NearField::new(&side.cloud.points, 1, 0.5 * cell, 3.0 * cell),
             views: views.iter().map(|v| (v.world_from_camera.inverse(), v.geometry)).collect(),
             cell,
@@ -160,17 +180,17 @@ impl<'a> Half<'a> {
         for i in (0..other.points.len()).step_by(step) {
             met.all += 1;
             let (p, n) = other.moved(i, &moved);
-            if let Some((j, off)) = self.on_surface(&p, &n, look.width) {
+            if let Some((_, off)) = self.on_surface(&p, &n, look.width) {
                 met.on_surface += 1;
                 met.fit += f64::from(1.0 - (off / look.width).powi(2));
                 met.squares += f64::from(off * off);
-                met.paint.add(&self.paint[j], &other.paint[i]);
             } else if p.z < UNDER - (look.width - ON_SURFACE)
                 || (look.with_views && self.is_seen_through(&p.cast(), &n.cast()))
             {
                 met.conflicts += 1;
             }
         }
+        met.paint = self.dense.compare(&other.dense, &moved, look.painted);
         met
     }
 

@@ -11,7 +11,9 @@ const FREE: f64 = 0.03;
 /// Placements that are moved.
 const CLIMBERS: usize = 30;
 /// Steps of the search, metres at the product's radius, and how many to either side.
-const STEPS: [(f64, i32); 3] = [(0.0025, 5), (0.0008, 4), (0.0003, 3)];
+const STEPS: [(f64, i32); 3] = [(0.0025, 6), (0.0008, 4), (0.0003, 3)];
+/// How often a search goes on from where the last one ended.
+const ANEW: usize = 4;
 
 /// Directions that surfaces do not hold.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,7 +49,8 @@ impl Weak {
         stacked(&shift, &turn)
     }
 
-    fn moved(&self, pose: &Pose, along: &Vector6<f64>) -> Pose {
+    /// A placement moved by a step about the middle, turns in metres.
+    pub(super) fn moved(&self, pose: &Pose, along: &Vector6<f64>) -> Pose {
         let turn: Vector3<f64> = along.fixed_rows::<3>(3) / self.radius;
         let step = exp(&stacked(&along.fixed_rows::<3>(0).into(), &turn));
         let to = nalgebra::Translation3::from(self.middle.coords);
@@ -55,7 +58,8 @@ impl Weak {
     }
 }
 
-fn stacked(shift: &Vector3<f64>, turn: &Vector3<f64>) -> Vector6<f64> {
+/// A step of its two parts.
+pub(super) fn stacked(shift: &Vector3<f64>, turn: &Vector3<f64>) -> Vector6<f64> {
     Vector6::new(shift.x, shift.y, shift.z, turn.x, turn.y, turn.z)
 }
 
@@ -63,10 +67,11 @@ fn stacked(shift: &Vector3<f64>, turn: &Vector3<f64>) -> Vector6<f64> {
 pub(super) fn weak_directions(pair: &Pair<'_>, pose: &Pose) -> Weak {
     let pairs = pair.judge.pairs(pose);
     let n = pairs.len().max(1) as f64;
-    let middle = pairs.iter().fold(Vector3::zeros(), |sum, (p, _)| sum + p / n);
-    let radius = (pairs.iter().map(|(p, _)| (p - middle).norm_squared()).sum::<f64>() / n).sqrt().max(1e-3);
-    let information = pairs.iter().fold(Matrix6::zeros(), |sum, (p, normal)| {
-        let row = stacked(normal, &((p - middle).cross(normal) / radius));
+    let middle = pairs.iter().fold(Vector3::zeros(), |sum, row| sum + row.place / n);
+    let radius =
+        (pairs.iter().map(|row| (row.place - middle).norm_squared()).sum::<f64>() / n).sqrt().max(1e-3);
+    let information = pairs.iter().fold(Matrix6::zeros(), |sum, pair| {
+        let row = stacked(&pair.along, &((pair.place - middle).cross(&pair.along) / radius));
         sum + row * row.transpose()
     });
     let eigen = SymmetricEigen::new(information);
@@ -86,22 +91,33 @@ pub(super) fn along_weak(pair: &Pair<'_>, weak: &Weak, poses: Vec<Pose>) -> Vec<
     poses
         .into_par_iter()
         .enumerate()
-        .map(|(rank, pose)| if rank < CLIMBERS { climbed(pair, weak, pose) } else { pose })
+        .map(|(rank, pose)| if rank < CLIMBERS { climbed(pair, weak, pose, &STEPS) } else { pose })
         .collect()
 }
 
-fn climbed(pair: &Pair<'_>, weak: &Weak, start: Pose) -> Pose {
+/// One placement moved the last fractions of a millimetre.
+pub(super) fn finely(pair: &Pair<'_>, weak: &Weak, pose: Pose) -> Pose {
+    climbed(pair, weak, pose, &STEPS[1..])
+}
+
+fn climbed(pair: &Pair<'_>, weak: &Weak, start: Pose, steps: &[(f64, i32)]) -> Pose {
     let score = |pose: &Pose| pair.judge.closeness(pose);
     let (mut best, mut at) = (score(&start), start);
-    for (step, reach) in STEPS {
-        for direction in &weak.directions {
-            let from = at;
-            for k in (-reach..=reach).filter(|k| *k != 0) {
-                let pose = weak.moved(&from, &(direction * (f64::from(k) * step)));
-                let value = score(&pose);
-                if value > best {
-                    (best, at) = (value, pose);
+    for &(step, reach) in steps {
+        for _ in 0..ANEW {
+            let before = best;
+            for direction in &weak.directions {
+                let from = at;
+                for k in (-reach..=reach).filter(|k| *k != 0) {
+                    let pose = weak.moved(&from, &(direction * (f64::from(k) * step)));
+                    let value = score(&pose);
+                    if value > best {
+                        (best, at) = (value, pose);
+                    }
                 }
+            }
+            if best <= before {
+                break;
             }
         }
     }

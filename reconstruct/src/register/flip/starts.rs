@@ -35,10 +35,12 @@ pub(super) fn starts(a: &Prepared, b: &Prepared) -> Vec<Pose> {
 
 /// Lowest and highest coordinates of turned points.
 fn corners(points: &[[f32; 3]], turn: &UnitQuaternion<f64>) -> [Vector3<f64>; 2] {
-    points.iter().map(|p| turn * Vector3::from(p.map(f64::from))).fold(
-        [Vector3::repeat(f64::MAX), Vector3::repeat(f64::MIN)],
-        |[low, high], p| [low.inf(&p), high.sup(&p)],
-    )
+    points
+        .iter()
+        .map(|p| turn * Vector3::from(p.map(f64::from)))
+        .fold([Vector3::repeat(f64::MAX), Vector3::repeat(f64::MIN)], |[low, high], p| {
+            [low.inf(&p), high.sup(&p)]
+        })
 }
 
 fn middle([low, high]: &[Vector3<f64>; 2]) -> Vector3<f64> {
@@ -101,7 +103,8 @@ fn matched(a: &Prepared, b: &Prepared) -> Vec<Pose> {
         describe(&side.cloud, &tree, FEATURE_RADIUS, &all)
     };
     let matches = match_descriptors(&described(b), &described(a), MatchConfig::default());
-    let seen = |side: &'_ Prepared| -> [f32; 3] { Point3::from(side.surfels.centre).coords.cast::<f32>().into() };
+    let seen =
+        |side: &'_ Prepared| -> [f32; 3] { Point3::from(side.surfels.centre).coords.cast::<f32>().into() };
     let (source, target) = (
         Seen { points: &b.cloud.points, normals: &b.cloud.normals, sensor: seen(b) },
         Seen { points: &a.cloud.points, normals: &a.cloud.normals, sensor: seen(a) },

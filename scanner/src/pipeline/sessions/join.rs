@@ -18,7 +18,7 @@ use super::{Merged, described, words};
 use crate::config::Config;
 
 /// Rounds in which a recording as a whole moves after its views.
-const ROUNDS: usize = 4;
+const ROUNDS: usize = 3;
 /// The whole counts as settled when it moves less, metres and radians.
 const SETTLED: f64 = 2e-5;
 /// Views of two recordings look at each other from far apart, so each is tied to more others.
@@ -54,7 +54,7 @@ impl Merged {
                 self.turned |= !same_side;
                 let moved = self.refine_all(&found, config);
                 recording = recording.joined(&found, &(moved * found.a_from_b));
-                self.warn_of_left_out(number, config);
+                self.check_what_is_left(number);
             }
             Err(why) => {
                 self.scan.views[upright..].iter_mut().for_each(|v| v.world_from_camera = None);
@@ -81,8 +81,7 @@ impl Merged {
     /// Refines all views of all recordings, the last recording as a whole too; gives how that one moved.
     fn refine_all(&mut self, found: &Found, config: &Config) -> Pose {
         let mut moved = Pose::identity();
-        let settings =
-            RefineConfig { neighbours: config.refine.neighbours.max(NEIGHBOURS), ..config.refine };
+        let settings = RefineConfig { neighbours: config.refine.neighbours.max(NEIGHBOURS), ..config.refine };
         let last = self.sessions.last().cloned().unwrap_or_default();
         for round in 0.. {
             let used = used_views(&self.scan);
@@ -115,12 +114,10 @@ impl Merged {
     }
 
     /// Where joining cost a recording most of its views, the recordings do not belong together.
-    fn warn_of_left_out(&mut self, number: usize, config: &Config) {
-        let _ = config;
+    fn check_what_is_left(&mut self, number: usize) {
         for session in &self.sessions {
             let views = &self.scan.views[session.clone()];
-            let off =
-                views.iter().filter(|v| matches!(v.left_out, Some(LeftOut::DoesNotFit { .. }))).count();
+            let off = views.iter().filter(|v| matches!(v.left_out, Some(LeftOut::DoesNotFit { .. }))).count();
             let used = views.iter().filter(|v| v.is_used()).count();
             if off > used {
                 self.scan.failure = Some(words::do_not_fit(number));

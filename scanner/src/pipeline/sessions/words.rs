@@ -15,7 +15,8 @@ pub(super) fn refusal(apart: &Apart, number: usize, scan: &Work) -> String {
             "recording {number} and those before it could not be joined: there is hardly any surface to compare; {missing}"
         ),
         Apart::TooLittle(e) => format!(
-            "recording {number} shares too little surface with those before it ({:.0} %, at least 30 % are needed): {missing}",
+            "recording {number} shares too little surface with those before it ({:.0} %, at least 30 % are needed): is it the same \
+             product? If it is, {missing}",
             100.0 * e.overlap
         ),
         Apart::Contradiction(_) => format!(
@@ -38,7 +39,8 @@ fn missing_side(number: usize, scan: &Work) -> String {
         Some(gap) if gap > WIDE_GAP => format!(
             "recording {number} shows nothing of a side {gap:.0} degrees wide; add views from there (all round, 45 degrees apart) to it"
         ),
-        _ => "take one more recording with the product lying on its other side, and name all of them".to_owned(),
+        _ => "take one more recording with the product lying on its other side, and name all of them"
+            .to_owned(),
     }
 }
 
