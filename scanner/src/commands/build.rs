@@ -21,8 +21,9 @@ use crate::unit_calibration;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Writes model.asc (millimetres), model.ply and model.glb (metres), poster.png and report.json.
-Several recordings of one product, on a board each, become one model: standing in the first, whose board is
-the world, laid on its side or upside down in the others. How they belong together is found by shape and colour.
+Several recordings of one product become one model: it stands on its board in the first, whose
+board is the world, and lies on its side or upside down on a board in the others. How they belong
+together is found by shape and colour.
 In the report the views of the second recording are named 2/000, 2/001 and so on.
 With exit status 1 only report.json is written: it says which views could not be used, why, and what to do.
 
