@@ -106,17 +106,6 @@ impl DepthModel {
             standard_deviations: expected.standard_deviations,
         }
     }
-
-    /// The same in another world frame.
-    #[must_use]
-    pub fn moved(&self, new_from_old: &Pose) -> Self {
-        // A step d in the old world is Ad(new_from_old) d in the new one.
-        let back = adjoint(&new_from_old.inverse());
-        Self {
-            world_from_camera: new_from_old * self.world_from_camera,
-            information: back.transpose() * self.information * back,
-        }
-    }
 }
 
 /// Refined poses and how well they are known.

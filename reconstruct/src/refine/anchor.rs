@@ -32,6 +32,25 @@ pub struct PosePrior {
     pub information: Matrix6<f64>,
 }
 
+impl PosePrior {
+    /// The same in another world frame.
+    #[must_use]
+    pub fn moved(&self, new_from_old: &Pose) -> Self {
+        let old_from_new = new_from_old.inverse();
+        let rotation = old_from_new.rotation.to_rotation_matrix().into_inner();
+        // A step d in the new world is Ad(old_from_new) d in the old one.
+        let mut back = Matrix6::zeros();
+        back.fixed_view_mut::<3, 3>(0, 0).copy_from(&rotation);
+        back.fixed_view_mut::<3, 3>(3, 3).copy_from(&rotation);
+        let shifted = old_from_new.translation.vector.cross_matrix() * rotation;
+        back.fixed_view_mut::<3, 3>(0, 3).copy_from(&shifted);
+        Self {
+            world_from_camera: new_from_old * self.world_from_camera,
+            information: back.transpose() * self.information * back,
+        }
+    }
+}
+
 impl Anchor<'_> {
     /// Normal matrix and right side of a left step on `world_from_camera`.
     pub(super) fn normal_equations(

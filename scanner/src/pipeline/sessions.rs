@@ -62,6 +62,7 @@ fn alone(
 ) -> Result<Work, RecordingError> {
     let mut scan = place(source, config, stages)?;
     stages.run("align", |_| align::refine_together(&mut scan, config))?;
+    join::hold_views(&mut scan);
     if number > 1 {
         let prefix = prefix(number);
         scan.views.iter_mut().for_each(|v| v.name.insert_str(0, &prefix));

@@ -9,7 +9,7 @@ use crate::pose::{Pose, exp};
 /// Held less than this, as a share of the direction held best, a direction counts as free.
 const FREE: f64 = 0.03;
 /// Placements that are moved.
-const CLIMBERS: usize = 30;
+const CLIMBERS: usize = 12;
 /// Steps of the search, metres at the product's radius, and how many to either side.
 const STEPS: [(f64, i32); 3] = [(0.0025, 6), (0.0008, 4), (0.0003, 3)];
 /// How often a search goes on from where the last one ended.

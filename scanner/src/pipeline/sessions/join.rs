@@ -8,7 +8,7 @@ use reconstruct::consistency::{agreement, misfit};
 use reconstruct::fuse;
 use reconstruct::knn::Tree;
 use reconstruct::pose::{self, Pose};
-use reconstruct::refine::{PosePrior, RefineConfig, refine};
+use reconstruct::refine::{Anchor, PosePrior, RefineConfig, RefineView, refine};
 use reconstruct::register::flip::{self, FlipConfig, Found, Side};
 use reconstruct::report::LeftOut;
 use reconstruct::view::DepthView;
@@ -21,6 +21,8 @@ use crate::config::Config;
 const ROUNDS: usize = 3;
 /// The whole counts as settled when it moves less, metres and radians.
 const SETTLED: f64 = 2e-5;
+/// No view is known better than this in its recording, metres and radians.
+const LEAST_SD: [f64; 2] = [0.0002, 0.0003];
 /// Views of two recordings look at each other from far apart, so each is tied to more others.
 const NEIGHBOURS: usize = 10;
 /// Pixels up to this height above a board may be the board's noise, metres.
@@ -89,7 +91,18 @@ impl Merged {
                 used.iter().filter_map(|&i| self.scan.views[i].geometry.as_ref()).collect();
             let priors: Vec<PosePrior> =
                 used.iter().filter_map(|&i| self.scan.views[i].prior.clone()).collect();
-            let refined = refine(&geometry, &priors, &settings);
+            let views: Vec<RefineView<'_>> = geometry
+                .iter()
+                .zip(&priors)
+                .map(|(geometry, prior)| RefineView {
+                    geometry,
+                    luminance: None,
+                    start: prior.world_from_camera,
+                    anchor: Anchor::Prior(prior),
+                    board: &[],
+                })
+                .collect();
+            let refined = refine(&views, None, &settings);
             let step = common_step(&used, &last, &priors, &refined.world_from_camera);
             let step = found.weak.held_part(&step);
             if round + 1 < ROUNDS && step.amax() > SETTLED {
@@ -123,6 +136,18 @@ impl Merged {
                 self.scan.failure = Some(words::do_not_fit(number));
             }
         }
+    }
+}
+
+/// Holds every view where its own board and its recording's other views put it.
+pub(super) fn hold_views(scan: &mut Work) {
+    for view in scan.views.iter_mut().filter(|v| v.is_used()) {
+        let Some(world_from_camera) = view.world_from_camera else { continue };
+        let (place, turn) = view.pose_sd.unwrap_or_default();
+        let (place, turn) = (place.max(LEAST_SD[0]), turn.max(LEAST_SD[1]));
+        let sd = Vector6::new(place, place, place, turn, turn, turn);
+        let information = Matrix6::from_diagonal(&sd.map(|sd| 1.0 / (sd * sd)));
+        view.prior = Some(PosePrior { world_from_camera, information });
     }
 }
 
