@@ -343,7 +343,8 @@ fn what_no_point_is_near_is_marked_and_told() {
 
 #[test]
 fn clouds_that_have_no_surface() {
-    let line: String = (0..200).map(|i| format!("{i} 0 0 1 2 3\n")).collect();
+    let lines: Vec<String> = (0..200).map(|i| format!("{i} 0 0 1 2 3")).collect();
+    let line = lines.join("\n");
     for (points, words) in [
         ("0 0 0 1 2 3\n1 0 0 1 2 3\n0 1 0 1 2 3\n", "3 points have a place and a normal"),
         (&"5 5 5 1 2 3\n".repeat(100), "0 points have a place and a normal"),
