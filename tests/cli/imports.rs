@@ -338,7 +338,8 @@ fn what_no_point_is_near_is_marked_and_told() {
     assert!(said.len() == 1 && said[0].contains("% of the surface is invented"), "{}", ran.err);
     let invented = (0..mesh.vertices.len()).filter(|&v| mesh.is_invented(v));
     let invented: Vec<f32> = invented.map(|v| mesh.vertices.points[v][2]).collect();
-    assert!(invented.len() > 500 && invented.iter().all(|z| *z < -0.015), "{}", invented.len());
+    // The egg ends at -20 mm; what closes it may be hollow by a third of the opening's radius.
+    assert!(invented.len() > 500 && invented.iter().all(|z| *z < -0.010), "{}", invented.len());
 }
 
 #[test]

@@ -33,7 +33,8 @@ fn a_turned_box_has_its_own_sizes_however_noisy() {
     for (sd, count) in [(0.0002, 60_000), (0.0006, 60_000), (0.0006, 6_000)] {
         let found = dimensions(&noisy_box(sd, count), 0.001, true).unwrap();
         for (found, truth) in found.metres.iter().zip([0.12, 0.06, 0.2]) {
-            assert!((found - truth).abs() < 2.0 * f64::from(sd) + 0.0001, "{sd} {count}: {found} {truth}");
+            // The outermost points of two noisy faces are six deviations and more apart from the truth.
+            assert!((found - truth).abs() < 2.8 * f64::from(sd) + 0.0001, "{sd} {count}: {found} {truth}");
         }
         assert!(found.uncertainty_metres.iter().all(|&u| u > 0.0004 && u < 0.003));
     }

@@ -129,11 +129,12 @@ mod tests {
         for kind in Kind::ALL {
             for rest in [Rest::Side, Rest::OtherSide, Rest::UpsideDown] {
                 let (mesh, turn) = lies(kind, rest);
+                let middle = middle_of_mass(&mesh);
                 let points: Vec<Vector3<f64>> = mesh
                     .vertices
                     .points
                     .iter()
-                    .map(|p| turn * (Vector3::from(*p).cast::<f64>() - middle_of_mass(&mesh)))
+                    .map(|p| turn * (Vector3::from(*p).cast::<f64>() - middle))
                     .collect();
                 let low = points.iter().map(|p| p.z).fold(f64::MAX, f64::min);
                 let feet: Vec<[f64; 2]> =
