@@ -15,6 +15,8 @@ struct Fate {
     unplugged: AtomicBool,
     fails: AtomicBool,
     moves: AtomicBool,
+    /// Frames come slowly, so that there is time to break something between two of them.
+    slow: AtomicBool,
     lamp_fails: AtomicBool,
     /// Offers sharper pictures; with what comes of an order.
     stills: Mutex<Option<Stills>>,
@@ -65,6 +67,9 @@ impl Source for Fated {
         }
         if self.fate.moves.swap(false, Ordering::SeqCst) {
             self.inner.control(Control::Station(1.0)).unwrap();
+        }
+        if self.fate.slow.load(Ordering::SeqCst) {
+            std::thread::sleep(Duration::from_millis(120));
         }
         if let Some(due) = self.still {
             std::thread::sleep(Duration::from_millis(10));
@@ -196,6 +201,7 @@ fn frames(state: &State) -> usize {
 fn a_view_that_is_cut_short_or_moves_is_not_kept() {
     let home = tempfile::tempdir().unwrap();
     let (session, fate) = ready(home.path());
+    fate.slow.store(true, Ordering::SeqCst);
     let broken = |what: &AtomicBool| {
         let taker = Arc::clone(&session);
         let taking = std::thread::spawn(move || taker.take_view());
