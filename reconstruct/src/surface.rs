@@ -110,28 +110,12 @@ pub fn surface(
     config: &SurfaceConfig,
 ) -> Surface {
     let field = signed_distance(&fused.cloud, config);
-    let mut mesh = drop_small_pieces(&cubes::triangulate(&field), config.min_piece);
+    let of_the_whole = |areas: &[f64]| config.min_piece * areas.iter().sum::<f64>();
+    let mut mesh = topology::without_small_pieces(&cubes::triangulate(&field), of_the_whole);
     topology::split_touching_vertices(&mut mesh);
     attributes::take_from_points(&mut mesh, fused, config);
     let holes = holes::close(&mut mesh, views, stands_on_floor, config);
     Surface { mesh, holes }
-}
-
-/// Without pieces that have less than `min_piece` of the whole area.
-fn drop_small_pieces(mesh: &Mesh, min_piece: f64) -> Mesh {
-    let (piece, count) = topology::pieces(mesh.vertices.len(), &mesh.triangles);
-    let mut areas = vec![0.0f64; count];
-    mesh.triangles.iter().zip(&piece).for_each(|(t, &p)| areas[p as usize] += mesh.area(t));
-    let least = min_piece * areas.iter().sum::<f64>();
-    let mut keep = vec![false; mesh.vertices.len()];
-    for (t, &p) in mesh.triangles.iter().zip(&piece) {
-        if areas[p as usize] >= least {
-            for &v in t {
-                keep[v as usize] = true;
-            }
-        }
-    }
-    mesh.select(&keep)
 }
 
 #[cfg(test)]

@@ -149,6 +149,23 @@ fn duplicate(mesh: &mut Mesh, vertex: usize) -> u32 {
     copy
 }
 
+/// Without the pieces whose area is less than `least` says, of the areas of all pieces (square metres).
+pub(crate) fn without_small_pieces(mesh: &Mesh, least: impl Fn(&[f64]) -> f64) -> Mesh {
+    let (piece, count) = pieces(mesh.vertices.len(), &mesh.triangles);
+    let mut areas = vec![0.0f64; count];
+    mesh.triangles.iter().zip(&piece).for_each(|(t, &p)| areas[p as usize] += mesh.area(t));
+    let least = least(&areas);
+    let mut keep = vec![false; mesh.vertices.len()];
+    for (t, &p) in mesh.triangles.iter().zip(&piece) {
+        if areas[p as usize] >= least {
+            for &v in t {
+                keep[v as usize] = true;
+            }
+        }
+    }
+    mesh.select(&keep)
+}
+
 /// Number of the connected piece each triangle belongs to, and how many pieces there are.
 pub fn pieces(vertices: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, usize) {
     let mut parent: Vec<u32> = (0..vertices as u32).collect();

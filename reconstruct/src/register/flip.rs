@@ -21,8 +21,9 @@ use rayon::prelude::*;
 
 use self::judge::Judge;
 use self::side::Prepared;
-use super::fine::{Acceleration, Cost, FineConfig, Round};
+use super::fine::Round;
 use super::kernel::Kernel;
+use super::pairwise::cost;
 use crate::cloud::PointCloud;
 use crate::fuse::PlacedView;
 use crate::pose::Pose;
@@ -239,15 +240,6 @@ fn ranked(poses: Vec<Pose>, score: impl Fn(&Pose) -> f64 + Sync) -> Vec<(f64, Po
     let mut ranked: Vec<(f64, Pose)> = poses.into_par_iter().map(|pose| (score(&pose), pose)).collect();
     ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
     ranked
-}
-
-fn cost() -> FineConfig {
-    FineConfig {
-        cost: Cost::Symmetric,
-        acceleration: Acceleration::None,
-        rounds: Vec::new(),
-        min_normal_cosine: 0.6,
-    }
 }
 
 fn round(pair: &Pair<'_>, reach: f32, scale: f64, wanted: usize, iterations: usize) -> Round {

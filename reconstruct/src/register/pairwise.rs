@@ -319,7 +319,8 @@ fn round(cell: f32, stride: usize, iterations: usize) -> Round {
     }
 }
 
-fn cost() -> FineConfig {
+/// How a placement is refined round by round: rounds are given one at a time.
+pub(super) fn cost() -> FineConfig {
     FineConfig {
         cost: Cost::Symmetric,
         acceleration: Acceleration::None,

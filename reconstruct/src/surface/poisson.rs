@@ -97,30 +97,15 @@ pub fn reconstruct(cloud: &PointCloud, config: &PoissonConfig) -> Result<Reconst
     let field = solve::solve(&samples, config.point_weight.clamp(0.0, 1e3));
     let iso = field.mean_at(&samples.list).ok_or(PoissonError::NothingEnclosed)?;
     let blocks = extract::zero_level(&field, &samples, iso).ok_or(PoissonError::NoSurface)?;
-    let mut mesh = drop_small_pieces(&super::cubes::triangulate(&blocks), config.min_piece);
+    // Outliers' bubbles have much less area than the largest piece.
+    let of_the_largest = |areas: &[f64]| config.min_piece * areas.iter().copied().fold(0.0, f64::max);
+    let mut mesh = topology::without_small_pieces(&super::cubes::triangulate(&blocks), of_the_largest);
     if mesh.triangles.is_empty() {
         return Err(PoissonError::NothingEnclosed);
     }
     attributes::take_from_points(&mut mesh, cloud, &samples, &field, iso);
     let invented_share = invented_share(&mesh);
     Ok(Reconstruction { mesh, depth: field.depth() - 1, invented_share })
-}
-
-/// Without pieces of much less area than the largest: outliers' bubbles.
-fn drop_small_pieces(mesh: &Mesh, min_piece: f64) -> Mesh {
-    let (piece, count) = topology::pieces(mesh.vertices.len(), &mesh.triangles);
-    let mut areas = vec![0.0f64; count];
-    mesh.triangles.iter().zip(&piece).for_each(|(t, &p)| areas[p as usize] += mesh.area(t));
-    let least = min_piece * areas.iter().copied().fold(0.0, f64::max);
-    let mut keep = vec![false; mesh.vertices.len()];
-    for (t, &p) in mesh.triangles.iter().zip(&piece) {
-        if areas[p as usize] >= least {
-            for &v in t {
-                keep[v as usize] = true;
-            }
-        }
-    }
-    mesh.select(&keep)
 }
 
 /// Share of the area: a triangle is invented as far as its corners are.
