@@ -43,7 +43,7 @@ impl Default for FuseConfig {
     fn default() -> Self {
         Self {
             voxel_metres: 0.001,
-            radius_metres: 0.004,
+            radius_metres: 0.005,
             same_side_cosine: 0.6,
             see_through_metres: 0.010,
             min_incidence_cosine: 0.25,
@@ -82,7 +82,8 @@ pub fn fuse(views: &[PlacedView], config: &FuseConfig) -> Fused {
         .collect::<Vec<_>>()
         .concat();
     let points: Vec<[f32; 3]> = samples.iter().map(|s| s.point).collect();
-    let grid = Grid::new(&points, config.radius_metres);
+    let (grid, order) = Grid::new(&points, config.radius_metres).in_order();
+    let samples: Vec<Sample> = order.into_par_iter().map(|i| samples[i as usize]).collect();
     let seeds = smooth::thin(&samples, config.voxel_metres);
     let smoothed: Vec<Sample> =
         seeds.par_iter().filter_map(|s| smooth::smooth(s, &samples, &grid, config)).collect();

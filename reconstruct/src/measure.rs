@@ -1,12 +1,14 @@
 //! The product's size, honestly: length, width and height with what they may be off (95 %).
 //!
 //! World frame, z up, metres. Length and width are the sides of the smallest rectangle around the product seen from above.
-//! Extremes of noisy points grow with the noise and with the number of points, so each side is taken where the points beyond it
-//! exceed it as noise of their stated deviation does.
+//! Extremes of noisy points grow with the noise and with the number of points, so each end is taken from how the points thin out
+//! towards it, given the noise they are stated to have.
 
 mod edge;
+mod end;
 
-use edge::{Edge, edge};
+use edge::edge;
+use end::{End, end};
 
 use crate::mesh::Mesh;
 use crate::segment::convex_hull;
@@ -27,6 +29,8 @@ const EDGE_SD_METRES: f64 = 0.0006;
 const SHARED_DEVIATION: f64 = 0.5;
 /// Deviation of points of which nothing is known, metres.
 const UNKNOWN_DEVIATION: f32 = 0.0004;
+/// What the product stands on is exactly known.
+const BOARD: End = End { at: 0.0, deviation: 0.0, spread: 0.0 };
 /// Points among which directions are compared.
 const SEARCHED_POINTS: usize = 30_000;
 
@@ -37,15 +41,11 @@ pub fn dimensions(mesh: &Mesh, scale_sd: f64, stands_on_floor: bool) -> Option<D
     if points.places.len() < 100 {
         return None;
     }
-    let down = edge(&points.along([0.0, 0.0, -1.0]), &points.deviations)?;
-    let up = edge(&points.along([0.0, 0.0, 1.0]), &points.deviations)?;
-    let floor = if stands_on_floor { Edge { at: 0.0, deviation: 0.0 } } else { down };
+    let towards = |direction: [f64; 3]| end(&points.along(direction), &points.deviations);
+    let up = towards([0.0, 0.0, 1.0])?;
+    let floor = if stands_on_floor { BOARD } else { towards([0.0, 0.0, -1.0])? };
     let (s, c) = smallest_rectangle_angle(&points.thinned(SEARCHED_POINTS)).sin_cos();
-    let side = |x: f64, y: f64| {
-        let ends =
-            [[x, y, 0.0], [-x, -y, 0.0]].map(|towards| edge(&points.along(towards), &points.deviations));
-        Some([ends[0]?, ends[1]?])
-    };
+    let side = |x: f64, y: f64| Some([towards([x, y, 0.0])?, towards([-x, -y, 0.0])?]);
     let (mut sides, height) = ([side(c, s)?, side(-s, c)?], [up, floor]);
     if length(&sides[0]) < length(&sides[1]) {
         sides.swap(0, 1);
@@ -57,15 +57,15 @@ pub fn dimensions(mesh: &Mesh, scale_sd: f64, stands_on_floor: bool) -> Option<D
     })
 }
 
-fn length(ends: &[Edge; 2]) -> f64 {
+fn length(ends: &[End; 2]) -> f64 {
     ends[0].at + ends[1].at
 }
 
 /// Half width of the 95 % interval of a length between two edges; the board is no edge of its own.
-fn uncertainty(ends: &[Edge; 2], scale_sd: f64) -> f64 {
-    let of_edge = |e: &Edge| {
+fn uncertainty(ends: &[End; 2], scale_sd: f64) -> f64 {
+    let of_edge = |e: &End| {
         if e.deviation > 0.0 {
-            EDGE_SD_METRES.powi(2) + (SHARED_DEVIATION * e.deviation).powi(2)
+            EDGE_SD_METRES.powi(2) + e.spread.powi(2) + (SHARED_DEVIATION * e.deviation).powi(2)
         } else {
             0.0
         }
@@ -108,7 +108,7 @@ impl Measured {
 fn smallest_rectangle_angle(points: &Measured) -> f64 {
     let area = |angle: f64| {
         let (s, c) = angle.sin_cos();
-        let end = |x: f64, y: f64| edge(&points.along([x, y, 0.0]), &points.deviations).map_or(0.0, |e| e.at);
+        let end = |x: f64, y: f64| edge(&points.along([x, y, 0.0]), &points.deviations).unwrap_or(0.0);
         (end(c, s) + end(-c, -s)) * (end(-s, c) + end(s, -c))
     };
     let mut best = (f64::INFINITY, 0.0);

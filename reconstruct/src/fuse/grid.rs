@@ -22,6 +22,13 @@ impl Grid {
         Self { cell, low, keys, order }
     }
 
+    /// The same grid for the same points in the order of their cells, and that order.
+    pub(crate) fn in_order(self) -> (Self, Vec<u32>) {
+        let Self { cell, low, keys, order } = self;
+        let itself = (0..order.len() as u32).collect();
+        (Self { cell, low, keys, order: itself }, order)
+    }
+
     /// Calls `visit` with the index of every sample in the 27 cells around a point.
     pub(crate) fn around(&self, point: &[f32; 3], mut visit: impl FnMut(usize)) {
         let [x, y, z] = cell_of(point, &self.low, self.cell);

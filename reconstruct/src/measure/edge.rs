@@ -1,9 +1,9 @@
-//! Where noisy points end in one direction.
+//! Roughly where noisy points end in one direction, quickly: to compare many directions. [`end`](super::end) says it well.
 //!
 //! The outermost of n noisy points lies farther out the more there are: by three deviations where a whole face ends there. But
 //! the points beyond the true edge exceed it by what their noise alone makes: half of them by less than 0.67 deviations where a
 //! flat face ends (half a normal distribution), by less than 0.50 where a round one does (points spread evenly below the edge, as on a
-//! sphere). So the edge is where the middle excess is about that: right to a deviation or so, whatever the number of points.
+//! sphere). So the edge is about where the middle excess is that, whatever the number of points.
 
 /// Middle excess of points beyond the edge, in deviations. Less than theory's 0.5, since part of a stated deviation is shared by all points of an edge and
 /// pushes none of them beyond it, and rims come out a little short: chosen on simulated scans of eight products.
@@ -17,15 +17,8 @@ const SHELL_METRES: f32 = 0.006;
 /// Resolution of the search, metres.
 const BIN_METRES: f32 = 0.00002;
 
-/// Where points end, and how far the ones there deviate (standard deviation), metres.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Edge {
-    pub(super) at: f64,
-    pub(super) deviation: f64,
-}
-
 /// The edge of points at `along` with their deviations; `None` where there are too few.
-pub(super) fn edge(along: &[f32], deviations: &[f32]) -> Option<Edge> {
+pub(super) fn edge(along: &[f32], deviations: &[f32]) -> Option<f64> {
     let outermost = outermost(along)?;
     let bins = (SHELL_METRES / BIN_METRES) as usize + 1;
     // (how many, sum of squared deviations) at every distance below the outermost
@@ -55,17 +48,15 @@ pub(super) fn edge(along: &[f32], deviations: &[f32]) -> Option<Edge> {
         }
         let first = *first.get_or_insert(bin);
         if (bin - first) as f32 * BIN_METRES >= LOOK_FARTHER * deviation {
-            let at = outermost - (first as f32 + 0.5) * BIN_METRES;
-            return Some(Edge { at: f64::from(at), deviation: f64::from(deviation) });
+            return Some(f64::from(outermost - (first as f32 + 0.5) * BIN_METRES));
         }
     }
     // All of the shell is one flat face with hardly any noise, or there are few points: the outermost are the edge.
-    let deviation = (squares / beyond.max(1) as f32).sqrt();
-    Some(Edge { at: f64::from(outermost), deviation: f64::from(deviation) })
+    Some(f64::from(outermost))
 }
 
 /// The outermost value that is not a stray one: [`MIN_BEYOND`] stand at least as far out.
-fn outermost(along: &[f32]) -> Option<f32> {
+pub(super) fn outermost(along: &[f32]) -> Option<f32> {
     if along.len() < MIN_BEYOND {
         return None;
     }
@@ -96,9 +87,7 @@ mod tests {
     fn error(count: usize, below: impl Fn(&mut fastrand::Rng) -> f32) -> f64 {
         let (mut rng, sd) = (fastrand::Rng::with_seed(7), 0.0005f32);
         let along: Vec<f32> = (0..count).map(|_| 0.1 - below(&mut rng) + sd * normal(&mut rng)).collect();
-        let found = edge(&along, &vec![sd; count]).unwrap();
-        assert!((found.deviation - f64::from(sd)).abs() < 1e-6);
-        (found.at - 0.1) / f64::from(sd)
+        (edge(&along, &vec![sd; count]).unwrap() - 0.1) / f64::from(sd)
     }
 
     #[test]
@@ -118,7 +107,7 @@ mod tests {
     fn a_few_stray_points_move_nothing_and_exact_points_end_exactly() {
         let mut along = vec![0.05f32; 1000];
         along.extend([0.3; 7]);
-        assert!((edge(&along, &[0.0004; 1007]).unwrap().at - 0.05).abs() < 3e-4);
+        assert!((edge(&along, &[0.0004; 1007]).unwrap() - 0.05).abs() < 3e-4);
         assert_eq!(edge(&[0.1; 7], &[0.0; 7]), None);
     }
 }

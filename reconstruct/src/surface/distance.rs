@@ -9,11 +9,16 @@ use super::SurfaceConfig;
 use super::blocks::{Blocks, CORNERS, MAX_PLACE, SIDE, key, place};
 use crate::cloud::PointCloud;
 
+/// Length of the mean of unit normals at which they are not, and surely are, of one side of a wall.
+const ONE_SIDED: [f32; 2] = [0.5, 0.8];
+
 /// Sums at the corners of one block.
 struct Sums {
-    /// Of the bell, and of the bell times distance.
+    /// Of the bell, and of the bell times distance, times normal and times the way from the point to the corner.
     bell: [f32; CORNERS],
     distance: [f32; CORNERS],
+    normal: [[f32; 3]; CORNERS],
+    way: [[f32; 3]; CORNERS],
     /// Of the support, and of the support times the offset along the surface.
     support: [f32; CORNERS],
     offset: [[f32; 3]; CORNERS],
@@ -70,6 +75,8 @@ fn values_of(
     let mut sums = Box::new(Sums {
         bell: [0.0; CORNERS],
         distance: [0.0; CORNERS],
+        normal: [[0.0; 3]; CORNERS],
+        way: [[0.0; 3]; CORNERS],
         support: [0.0; CORNERS],
         offset: [[0.0; 3]; CORNERS],
     });
@@ -107,8 +114,12 @@ impl Sums {
                     self.bell[c] += bell;
                     self.distance[c] += bell * along;
                     self.support[c] += carry;
-                    let across = [dx - along * n[0], dy - along * n[1], dz - along * n[2]];
-                    (0..3).for_each(|k| self.offset[c][k] += carry * across[k]);
+                    let way = [dx, dy, dz];
+                    for k in 0..3 {
+                        self.normal[c][k] += bell * n[k];
+                        self.way[c][k] += bell * way[k];
+                        self.offset[c][k] += carry * (way[k] - along * n[k]);
+                    }
                 }
             }
         }
@@ -124,7 +135,18 @@ impl Sums {
             }
             let o = self.offset[c].map(|v| v / support);
             let off2 = o[0] * o[0] + o[1] * o[1] + o[2] * o[2];
-            if off2 > farthest * farthest { f32::NAN } else { self.distance[c] / self.bell[c] }
+            if off2 > farthest * farthest { f32::NAN } else { self.distance(c) }
         })
+    }
+
+    /// Mean over the points of `(n + normal here)·(x - p) / 2`. Tangent planes alone lie outside a bulge, by the more the farther their points
+    /// are; with the normal here, which is the points' mean, that cancels to second order. Between the two sides of a wall there is none, and the planes decide.
+    fn distance(&self, c: usize) -> f32 {
+        let (bell, n, way) = (self.bell[c], &self.normal[c], &self.way[c]);
+        let by_planes = self.distance[c] / bell;
+        let length = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
+        let by_normal_here = (n[0] * way[0] + n[1] * way[1] + n[2] * way[2]) / (length * bell).max(1e-12);
+        let agreement = ((length / bell - ONE_SIDED[0]) / (ONE_SIDED[1] - ONE_SIDED[0])).clamp(0.0, 1.0);
+        by_planes + 0.5 * agreement * (by_normal_here - by_planes)
     }
 }
