@@ -20,6 +20,7 @@ pub mod pairwise;
 pub mod plane;
 pub mod ransac;
 pub mod source_chain;
+pub mod stills;
 pub mod surfel;
 pub mod svd;
 pub mod verify;

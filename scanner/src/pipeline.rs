@@ -4,6 +4,7 @@
 //! views. World frame = board, z up, metres; `world_from_camera` is the colour camera's.
 
 pub mod align;
+pub mod alone;
 pub mod cut;
 pub mod depth;
 pub mod free;

@@ -13,11 +13,19 @@ python=$work/venv/bin/python
 [ -d "$COMPARE_DATA/tags" ] || "$python" tests/compare/tags.py "$work/py/aruco.py" "$COMPARE_DATA/tags"
 [ -f "$COMPARE_DATA/syn/bunny/poisson_in.ply" ] || (cd "$work" && "$python" py/poisson.py none prep)
 cargo build --release --locked -p tests --bin bench
+cargo build --release --locked -p scanner --bin scan-product
 bench=target/release/bench
 taskset -c 0 $bench | tee "$work/ours.csv"
 $bench --threads 2 | tee "$work/ours-2.csv"
+program=$PWD/target/release/scan-product
+views=$PWD/tests/compare/views.py
+(cd "$work" && taskset -c 0 "$python" "$views" "$program" 1) | tee -a "$work/ours.csv"
+(cd "$work" && "$python" "$views" "$program" 2) | tee -a "$work/ours-2.csv"
 "$peers/run.sh" "${1:-quick}" | tee "$work/peers.csv"
 (cd "$work" && taskset -c 0 ./cpp/knn 1) | tee -a "$work/peers.csv"
 taskset -c 0 "$python" tests/compare/features.py | tee -a "$work/peers.csv"
 [ "${1:-quick}" = all ] || (cd "$work" && taskset -c 0 "$python" py/poisson.py o3d) | tee -a "$work/peers.csv"
+for object in bunny rabbit ape horse; do
+  [ "${1:-quick}" = all ] || (cd "$work" && taskset -c 0 "$python" py/o3d_recon.py "$object" adjacent)
+done | tee -a "$work/peers.csv"
 $bench report "$work/ours.csv" "$work/ours-2.csv" "$work/peers.csv" --out docs --date "$(date +%F)"

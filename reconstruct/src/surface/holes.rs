@@ -57,8 +57,9 @@ pub(super) fn close(
     holes
 }
 
-/// Whether the two sides of a rim run close to each other: within `width_metres` along nearly all of it. The area it spans
-/// does not tell, for a band round a product spans none to any one side.
+/// Whether the two sides of a rim run close to each other: within `width_metres` along nearly all of it. That it spans no more area than
+/// half its rim times that width, which the ragged rim of something large does, does not tell alone: a band round a product spans none
+/// to any one side.
 fn is_crack(rim: &[Vector3<f64>], width_metres: f64) -> bool {
     if rim.len() > MOST_CRACK_CORNERS {
         return false;
@@ -103,7 +104,7 @@ fn look_at(
     let is_base = stands_on_floor && facing.z < FACES_DOWN && low >= LOW_SHARE && area_m2 > LEAST_BASE_AREA;
     let kind = if is_base {
         HoleKind::Base
-    } else if is_crack(&points, config.crack_metres) {
+    } else if area_m2 <= 0.5 * rim_m * config.crack_metres && is_crack(&points, config.crack_metres) {
         HoleKind::Closed
     } else if is_seen_through(&center, &points, views, config) {
         HoleKind::Opening

@@ -14,12 +14,13 @@ use reconstruct::report::LeftOut;
 use reconstruct::segment_free::{PlacedPoints, ProductConfig, product_in_world, product_of_view};
 use reconstruct::view::DepthView;
 
+use super::alone;
 use super::load::Work;
 use crate::config::Config;
 
 /// Standard deviation of a view's place before the joint refinement, metres and radians; the first one is held.
 const PLACED_SD: [f64; 2] = [0.003, 0.005];
-const HELD_SD: f64 = 1e-5;
+pub(super) const HELD_SD: [f64; 2] = [1e-5; 2];
 
 /// Places the views by their surfaces and tells the product from what it stands on.
 pub fn place_by_surfaces(scan: &mut Work, config: &Config) {
@@ -30,6 +31,9 @@ pub fn place_by_surfaces(scan: &mut Work, config: &Config) {
             (0..view.disparity.disparity_px.len()).map(|i| view.disparity.metres(i)).collect();
         view.geometry = Some(DepthView::new(camera, rays, &depth));
     });
+    if alone::stands_alone(scan) {
+        return alone::place_alone(scan);
+    }
     let (indices, views) = register_views(scan);
     if views.is_empty() {
         scan.failure
@@ -122,7 +126,8 @@ fn tell_product(
     for &(_, i) in placed {
         let pose = scan.views[i].world_from_camera.map(|first_from_view| world_from_first * first_from_view);
         scan.views[i].world_from_camera = pose;
-        scan.views[i].prior = pose.map(|p| prior(p, i == first_view));
+        let sd = if i == first_view { HELD_SD } else { PLACED_SD };
+        scan.views[i].prior = pose.map(|p| prior(p, sd));
     }
     let points: Vec<PlacedPoints<'_>> = placed
         .iter()
@@ -144,8 +149,8 @@ fn tell_product(
     Ok(())
 }
 
-fn prior(world_from_camera: Pose, held: bool) -> PosePrior {
-    let [place, turn] = if held { [HELD_SD; 2] } else { PLACED_SD };
+/// What is known of a view's place, with a standard deviation of metres and radians.
+pub(super) fn prior(world_from_camera: Pose, [place, turn]: [f64; 2]) -> PosePrior {
     let information = Vector6::new(place, place, place, turn, turn, turn).map(|sd| 1.0 / (sd * sd));
     PosePrior { world_from_camera, information: Matrix6::from_diagonal(&information) }
 }

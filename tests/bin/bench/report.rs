@@ -32,7 +32,8 @@ struct Group {
 }
 
 /// Others add theirs here.
-const GROUPS: [Group; 11] = [
+const GROUPS: [Group; 12] = [
+    Group { title: "Eight views to a surface, from files to files", name: "build", starts: &["8-view build"] },
     Group { title: "Reading files", name: "load", starts: &["load"] },
     Group { title: "Voxel grid", name: "voxel", starts: &["voxel"] },
     Group { title: "Normals", name: "normals", starts: &["normals", "integral-image"] },
@@ -165,12 +166,15 @@ fn section(page: &mut String, group: &Group, stages: &[&Joined], figures: &Path)
     std::fs::write(&path, bars(group.title, &bars_of)).with_context(|| path.display().to_string())
 }
 
+/// Words in a row that says how good its result is.
+const QUALITIES: [&str; 4] = ["corner_rms", "right_total", "chamfer", "rot_med"];
+
 /// What the peers say of their results, where it is more than a number of points.
 fn qualities(page: &mut String, stages: &[&Joined]) -> anyhow::Result<()> {
     let said: Vec<&Row> = stages
         .iter()
         .flat_map(|stage| stage.peers.iter().copied())
-        .filter(|row| row.extra.contains("corner_rms") || row.extra.contains("right_total"))
+        .filter(|row| QUALITIES.iter().any(|name| row.extra.contains(name)))
         .collect();
     if said.is_empty() {
         return Ok(());

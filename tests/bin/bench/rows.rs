@@ -64,7 +64,13 @@ pub(crate) fn is_same(ours: &str, peers: &str) -> bool {
         name.replace("normals hybrid r10mm/30", "normals r10mm")
             .replace("fpfh hybrid r25mm/100", "fpfh r25mm")
     };
+    // The peer's own recipe for eight views; "all" pairs are slower and less true.
+    let views = || {
+        let of = peers.strip_prefix("8-view recon ")?.strip_suffix(" adjacent vs2mm")?;
+        Some(ours.strip_prefix("8-view build ")? == of)
+    };
     ours == peers
+        || views() == Some(true)
         || text(ours) == text(peers)
         || ours == hybrid(peers)
         || volume("tsdf integrate")
