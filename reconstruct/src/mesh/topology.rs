@@ -21,6 +21,9 @@ pub struct Defects {
     pub degenerate: usize,
 }
 
+/// With more vertex numbers a triangle than this, most are not used.
+const SPARSE_VERTICES: usize = 16;
+
 /// Directed edges of all triangles with the triangle's index, sorted.
 fn directed_edges(triangles: &[[u32; 3]]) -> Vec<(u32, u32, u32)> {
     let mut edges: Vec<(u32, u32, u32)> = triangles
@@ -39,6 +42,34 @@ fn has_edge(edges: &[(u32, u32, u32)], from: u32, to: u32) -> bool {
 
 /// Directed edges without a counterpart, sorted by their start.
 fn border_edges(triangles: &[[u32; 3]]) -> Vec<(u32, u32)> {
+    let vertices = triangles.iter().flatten().max().map_or(0, |&v| v as usize + 1);
+    // Counting is for numbers that follow one another.
+    if vertices > SPARSE_VERTICES * triangles.len() {
+        return border_edges_by_sorting(triangles);
+    }
+    let edges = || triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]);
+    let mut first = vec![0u32; vertices + 1];
+    edges().for_each(|(from, _)| first[from as usize + 1] += 1);
+    for v in 0..vertices {
+        first[v + 1] += first[v];
+    }
+    let (mut next, mut ends) = (first.clone(), vec![0u32; 3 * triangles.len()]);
+    for (from, to) in edges() {
+        ends[next[from as usize] as usize] = to;
+        next[from as usize] += 1;
+    }
+    let ends_of = |v: u32| &ends[first[v as usize] as usize..first[v as usize + 1] as usize];
+    let mut border = Vec::new();
+    for from in 0..vertices as u32 {
+        let start = border.len();
+        border.extend(ends_of(from).iter().filter(|&&to| !ends_of(to).contains(&from)).map(|&to| (from, to)));
+        border[start..].sort_unstable();
+    }
+    border
+}
+
+/// The same, whatever the vertices' numbers are.
+fn border_edges_by_sorting(triangles: &[[u32; 3]]) -> Vec<(u32, u32)> {
     let edges = directed_edges(triangles);
     edges.par_iter().filter(|e| !has_edge(&edges, e.1, e.0)).map(|e| (e.0, e.1)).collect()
 }
@@ -268,5 +299,15 @@ mod tests {
         let m = mesh(&[[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]], &[[0, 1, 2], [0, 2, 3]]);
         let left = m.select(&[true, false, true, true]);
         assert_eq!((left.vertices.len(), left.triangles), (3, vec![[0, 1, 2]]));
+    }
+
+    #[test]
+    fn counting_and_sorting_find_the_same_borders() {
+        let mut rng = fastrand::Rng::with_seed(4);
+        for (vertices, triangles) in [(0, 0), (3, 1), (20, 30), (400, 90), (4_000_000, 50)] {
+            let all: Vec<[u32; 3]> =
+                (0..triangles).map(|_| std::array::from_fn(|_| rng.u32(0..vertices))).collect();
+            assert_eq!(border_edges(&all), border_edges_by_sorting(&all), "{vertices} {triangles}");
+        }
     }
 }

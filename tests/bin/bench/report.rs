@@ -33,7 +33,11 @@ struct Group {
 
 /// Others add theirs here.
 const GROUPS: [Group; 12] = [
-    Group { title: "Eight views to a surface, from files to files", name: "build", starts: &["8-view build"] },
+    Group {
+        title: "Eight views to a surface, from files to files",
+        name: "build",
+        starts: &["8-view build"],
+    },
     Group { title: "Reading files", name: "load", starts: &["load"] },
     Group { title: "Voxel grid", name: "voxel", starts: &["voxel"] },
     Group { title: "Normals", name: "normals", starts: &["normals", "integral-image"] },
