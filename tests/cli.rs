@@ -4,6 +4,7 @@
 //! tests; build it first, cargo does not do so for the tests of another package. After a wanted change of a help text or an error,
 //! `INSTA_UPDATE=always cargo test --release -p tests cli::` writes the new snapshots.
 
+mod alone;
 mod bad_board;
 mod bad_input;
 mod bad_scans;

@@ -85,8 +85,11 @@ pub fn fuse(views: &[PlacedView], config: &FuseConfig) -> Fused {
     let (grid, order) = Grid::new(&points, config.radius_metres).in_order();
     let samples: Vec<Sample> = order.into_par_iter().map(|i| samples[i as usize]).collect();
     let seeds = smooth::thin(&samples, config.voxel_metres);
-    let smoothed: Vec<Sample> =
-        seeds.par_iter().filter_map(|s| smooth::smooth(s, &samples, &grid, config)).collect();
+    let smoothed: Vec<Sample> = seeds
+        .par_iter()
+        .map_init(|| grid.walk(), |near, s| smooth::smooth(s, &samples, near, config))
+        .flatten_iter()
+        .collect();
     let thinned = smooth::thin(&smoothed, config.voxel_metres);
     let has_floor = config.floor_metres.is_finite();
     let kept = if has_floor { clean::drop_board_remains(thinned, config) } else { thinned };

@@ -1,5 +1,7 @@
 //! Points sorted by cubic cells, to find neighbours within a cell's side.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 /// Points sorted by cell, so that a row of cells along x is one run.
@@ -30,19 +32,47 @@ impl Grid {
     }
 
     /// Calls `visit` with the index of every sample in the 27 cells around a point.
-    pub(crate) fn around(&self, point: &[f32; 3], mut visit: impl FnMut(usize)) {
-        let [x, y, z] = cell_of(point, &self.low, self.cell);
-        for cz in z.saturating_sub(1)..=z + 1 {
-            for cy in y.saturating_sub(1)..=y + 1 {
-                let (from, to) = (key([x.saturating_sub(1), cy, cz]), key([x + 1, cy, cz]));
-                let start = self.keys.partition_point(|&k| k < from);
-                for (k, &i) in self.keys[start..].iter().zip(&self.order[start..]) {
-                    if *k > to {
-                        break;
-                    }
-                    visit(i as usize);
-                }
-            }
+    pub(crate) fn around(&self, point: &[f32; 3], visit: impl FnMut(usize)) {
+        self.walk().around(point, visit);
+    }
+
+    /// For many points of which most are near the one before.
+    pub(crate) fn walk(&self) -> Walk<'_> {
+        Walk { grid: self, cell: [u64::MAX; 3], rows: [const { 0..0 }; 9] }
+    }
+
+    /// Rows of three cells around a cell.
+    fn rows_around(&self, [x, y, z]: [u64; 3]) -> [Range<usize>; 9] {
+        std::array::from_fn(|row| {
+            let (cy, cz) = ((y + row as u64 % 3).checked_sub(1), (z + row as u64 / 3).checked_sub(1));
+            let (Some(cy), Some(cz)) = (cy, cz) else { return 0..0 };
+            let (from, to) = (key([x.saturating_sub(1), cy, cz]), key([x + 1, cy, cz]));
+            let start = self.keys.partition_point(|&k| k < from);
+            let count = self.keys[start..].iter().take_while(|k| **k <= to).count();
+            start..start + count
+        })
+    }
+}
+
+/// Remembers the cells around the last point.
+#[derive(Debug)]
+pub(crate) struct Walk<'a> {
+    grid: &'a Grid,
+    cell: [u64; 3],
+    rows: [Range<usize>; 9],
+}
+
+impl Walk<'_> {
+    /// As [`Grid::around`].
+    #[inline]
+    pub(crate) fn around(&mut self, point: &[f32; 3], mut visit: impl FnMut(usize)) {
+        let cell = cell_of(point, &self.grid.low, self.grid.cell);
+        if cell != self.cell {
+            self.rows = self.grid.rows_around(cell);
+            self.cell = cell;
+        }
+        for row in &self.rows {
+            self.grid.order[row.clone()].iter().for_each(|&i| visit(i as usize));
         }
     }
 }

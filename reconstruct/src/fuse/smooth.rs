@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::FuseConfig;
-use super::grid::{Grid, cell_of, key};
+use super::grid::{Walk, cell_of, key};
 use super::samples::{Sample, dot};
 
 /// Which of six directions a normal points to most: keeps the sides of a thin wall in different voxels.
@@ -108,7 +108,12 @@ impl Spread {
 }
 
 /// Moves a seed along its normal onto the surface of its neighbours; `None` where too few support it.
-pub(super) fn smooth(seed: &Sample, samples: &[Sample], grid: &Grid, config: &FuseConfig) -> Option<Sample> {
+pub(super) fn smooth(
+    seed: &Sample,
+    samples: &[Sample],
+    near: &mut Walk<'_>,
+    config: &FuseConfig,
+) -> Option<Sample> {
     let mut current = *seed;
     let radius2 = config.radius_metres * config.radius_metres;
     let per_radius2 = 4.0 / radius2;
@@ -116,7 +121,7 @@ pub(super) fn smooth(seed: &Sample, samples: &[Sample], grid: &Grid, config: &Fu
     for pass in 0..2 {
         let (mut mean, mut spread, mut patch) = (Mean::default(), Spread::default(), Patch::default());
         let mut support = 0.0;
-        grid.around(&current.point, |i| {
+        near.around(&current.point, |i| {
             let s = &samples[i];
             let off: [f32; 3] = std::array::from_fn(|k| s.point[k] - current.point[k]);
             let d2 = dot(&off, &off);
@@ -205,6 +210,7 @@ fn color_trust(color: &[f32; 3], of_spot: &[f32; 3]) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::grid::Grid;
     use super::*;
 
     #[test]
@@ -223,8 +229,10 @@ mod tests {
         let config = FuseConfig::default();
         let points: Vec<[f32; 3]> = samples.iter().map(|s| s.point).collect();
         let grid = Grid::new(&points, config.radius_metres);
-        let smoothed: Vec<Sample> =
-            thin(&samples, 0.001).iter().filter_map(|s| smooth(s, &samples, &grid, &config)).collect();
+        let smoothed: Vec<Sample> = thin(&samples, 0.001)
+            .iter()
+            .filter_map(|s| smooth(s, &samples, &mut grid.walk(), &config))
+            .collect();
         assert!(smoothed.len() > 2000);
         let rms = (smoothed.iter().map(|s| (s.point[0].abs() - 0.001).powi(2)).sum::<f32>()
             / smoothed.len() as f32)
@@ -253,8 +261,10 @@ mod tests {
         let config = FuseConfig::default();
         let points: Vec<[f32; 3]> = samples.iter().map(|s| s.point).collect();
         let grid = Grid::new(&points, config.radius_metres);
-        let smoothed: Vec<Sample> =
-            thin(&samples, 0.001).iter().filter_map(|s| smooth(s, &samples, &grid, &config)).collect();
+        let smoothed: Vec<Sample> = thin(&samples, 0.001)
+            .iter()
+            .filter_map(|s| smooth(s, &samples, &mut grid.walk(), &config))
+            .collect();
         let off = |s: &Sample| s.point[0].hypot(s.point[1]) - RADIUS;
         let mean = smoothed.iter().map(off).sum::<f32>() / smoothed.len() as f32;
         // The plain mean of the neighbours lies 0.3 mm inside.

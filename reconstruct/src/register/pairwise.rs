@@ -149,6 +149,25 @@ pub(super) fn starts_of_matches(
     hypotheses(source, target, matches, config)
 }
 
+/// Whether a placement that was found good still is beside others at `starts`: not where one of them, refined, lies elsewhere and fits as well.
+pub(super) fn outdoes(
+    source: &Seen<'_>,
+    target: &Seen<'_>,
+    placed: &Placed,
+    starts: &[Pose],
+    config: &PairwiseConfig,
+) -> bool {
+    let pair = Pair::new(source, target, config);
+    let ranked: Vec<(f64, Pose)> = starts.iter().map(|pose| (0.0, *pose)).collect();
+    let mut all = pair.refined(&ranked, 2, 8);
+    all.extend(starts);
+    let rivals = pair.ranked(all, 1, NARROW);
+    let best = &placed.target_from_source;
+    let elsewhere = rivals.into_iter().find(|(_, pose)| pair.apart(best, pose, RIVAL));
+    let score = placed.evidence.score;
+    elsewhere.is_none_or(|(rival, _)| score - rival.max(0.0) >= config.acceptance.margin * score)
+}
+
 /// Evidence for a given placement, without rivals.
 pub fn judge_at(source: &Seen<'_>, target: &Seen<'_>, pose: &Pose, config: &PairwiseConfig) -> Evidence {
     Pair::new(source, target, config).evidence(pose)

@@ -12,7 +12,7 @@ use super::fine::{FineConfig, register_fine};
 use super::fpfh::{Descriptor, describe};
 use super::graph::{Edge, optimise};
 use super::matching::{MatchConfig, match_descriptors};
-use super::pairwise::{Beside, PairwiseConfig, Seen, place};
+use super::pairwise::{Beside, PairwiseConfig, Seen, outdoes, place};
 use super::surfel::Surfels;
 use crate::cloud::PointCloud;
 use crate::knn::Tree;
@@ -39,6 +39,8 @@ const INDEPENDENT: f64 = 400.0;
 const POINT_SD_METRES: f64 = 0.001;
 /// A pair that weighs less in the end is contradicted by the others.
 const LEAST_WEIGHT: f64 = 0.05;
+/// Turns about the axis that the surfaces hold least, radians: what looks the same after them was not placed, only laid on itself.
+const SLIDES: [f64; 4] = [-0.7, -0.3, 0.3, 0.7];
 /// The sensor stands in the origin of its frame.
 const SENSOR: [f32; 3] = [0.0; 3];
 
@@ -113,7 +115,8 @@ fn edge(
 ) -> Option<Edge> {
     let matches = match_descriptors(&of_source.descriptors, &of_target.descriptors, MatchConfig::default());
     let placed = place(&of_source.seen(), &of_target.seen(), &matches, config)?;
-    if !placed.good {
+    let slid = slid(&of_source.surfels, &placed.target_from_source);
+    if !placed.good || !outdoes(&of_source.seen(), &of_target.seen(), &placed, &slid, config) {
         return None;
     }
     let fine = register_fine(
@@ -127,18 +130,41 @@ fn edge(
         target,
         source,
         target_from_source,
-        information: information(&of_source.surfels, &target_from_source),
+        information: information(&of_source.surfels, &target_from_source, &Point3::origin()),
     })
 }
 
-/// Of a left twist `(translation, rotation)` in the target's frame: what the source's surfels hold along their normals.
-fn information(source: &Surfels, target_from_source: &Pose) -> Matrix6<f64> {
+/// The placement, turned about the axis through the surfaces that they hold least: a bottle's own axis.
+fn slid(source: &Surfels, target_from_source: &Pose) -> Vec<Pose> {
+    let centre = target_from_source * source.centre;
+    let held = information(source, target_from_source, &centre);
+    let part = |row: usize, column: usize| held.fixed_view::<3, 3>(row, column).into_owned();
+    let Some(inverse) = part(0, 0).try_inverse() else { return Vec::new() };
+    // Moves of the middle go along with the turn as the surfaces want.
+    let along = -inverse * part(0, 3);
+    let turns = (part(3, 3) + part(3, 0) * along).symmetric_eigen();
+    let axis: Vector3<f64> = turns.eigenvectors.column(turns.eigenvalues.imin()).into_owned();
+    let Some(axis) = axis.try_normalize(1e-9) else { return Vec::new() };
+    let moved = along * axis;
+    // A turn by w about the point q moves the centre by w x (centre - q).
+    let q = centre + axis.cross(&moved);
+    let turned = |angle: &f64| {
+        let about = Pose::translation(q.x, q.y, q.z)
+            * Pose::rotation(axis * *angle)
+            * Pose::translation(-q.x, -q.y, -q.z);
+        about * target_from_source
+    };
+    SLIDES.iter().map(turned).collect()
+}
+
+/// Of a left twist `(translation, rotation about a point)` in the target's frame: what the source's surfels hold along their normals.
+fn information(source: &Surfels, target_from_source: &Pose, about: &Point3<f64>) -> Matrix6<f64> {
     let mut sum = Matrix6::zeros();
     for (p, n) in source.points.iter().zip(&source.normals) {
         let offset = Vector3::from(p.map(f64::from));
         let place: Point3<f64> = target_from_source * (source.centre + offset);
         let normal = target_from_source.rotation * Vector3::from(n.map(f64::from));
-        let turn = place.coords.cross(&normal);
+        let turn = (place - about).cross(&normal);
         let row = Vector6::new(normal.x, normal.y, normal.z, turn.x, turn.y, turn.z);
         sum += row * row.transpose();
     }
