@@ -19,6 +19,11 @@ pub struct Agreement {
     pub same_color: f64,
     /// Points on the other's surface with its colour.
     pub points: usize,
+    /// Of the points on the other's surface whose surroundings show a pattern, the share that finds its colour there: plain
+    /// tables look alike anywhere.
+    pub same_pattern: f64,
+    /// How many show a pattern.
+    pub patterned: usize,
 }
 
 impl Agreement {
@@ -43,7 +48,12 @@ struct Counts {
     on_surface: usize,
     same_color: usize,
     in_front: usize,
+    patterned: usize,
+    same_pattern: usize,
 }
+
+/// Difference of a channel (0 to 255) among neighbouring pixels that makes a pattern.
+const PATTERN: u8 = 60;
 
 /// Agreement of two views at `target_from_source`.
 pub fn agreement(source: &RegisterView, target: &RegisterView, target_from_source: &Pose) -> Agreement {
@@ -56,6 +66,8 @@ pub fn agreement(source: &RegisterView, target: &RegisterView, target_from_sourc
         in_free_space: share(there.in_front + back.in_front, there.seen + back.seen),
         same_color: share(there.same_color + back.same_color, there.on_surface + back.on_surface),
         points: there.same_color + back.same_color,
+        same_pattern: share(there.same_pattern + back.same_pattern, there.patterned + back.patterned),
+        patterned: there.patterned + back.patterned,
     }
 }
 
@@ -91,6 +103,10 @@ fn by_projection(from: &DepthMap, to: &DepthMap, view: &RegisterView, pose: &Pos
                 if (z - measured).abs() <= ON_SURFACE * unit {
                     counts.on_surface += 1;
                     counts.same_color += usize::from(alike(from.colors[i], to.colors[pixel]));
+                    if has_pattern(from, i) {
+                        counts.patterned += 1;
+                        counts.same_pattern += usize::from(near_alike(to, pixel, from.colors[i]));
+                    }
                 } else if z < measured - IN_FRONT * unit && surrounded(to, pixel, z + IN_FRONT * unit) {
                     counts.in_front += 1;
                 }
@@ -104,6 +120,8 @@ fn by_projection(from: &DepthMap, to: &DepthMap, view: &RegisterView, pose: &Pos
         on_surface: a.on_surface + b.on_surface,
         same_color: a.same_color + b.same_color,
         in_front: a.in_front + b.in_front,
+        patterned: a.patterned + b.patterned,
+        same_pattern: a.same_pattern + b.same_pattern,
     })
 }
 
@@ -116,6 +134,25 @@ fn surrounded(map: &DepthMap, pixel: usize, z: f32) -> bool {
             other.is_nan() || other > z
         })
     })
+}
+
+/// A pixel and those around it, as far as they were measured.
+fn around(map: &DepthMap, pixel: usize) -> impl Iterator<Item = usize> + '_ {
+    let (u, v) = (pixel % map.width, pixel / map.width);
+    let rows = v.saturating_sub(1)..(v + 2).min(map.height);
+    let columns = u.saturating_sub(1)..(u + 2).min(map.width);
+    let all = rows.flat_map(move |y| columns.clone().map(move |x| y * map.width + x));
+    all.filter(|&i| map.points[i][2].is_finite())
+}
+
+fn has_pattern(map: &DepthMap, pixel: usize) -> bool {
+    let here = map.colors[pixel];
+    around(map, pixel).any(|i| map.colors[i].iter().zip(&here).any(|(a, b)| a.abs_diff(*b) > PATTERN))
+}
+
+/// At a pattern a pixel of offset is no contradiction.
+fn near_alike(map: &DepthMap, pixel: usize, color: [u8; 3]) -> bool {
+    around(map, pixel).any(|i| alike(map.colors[i], color))
 }
 
 fn alike(a: [u8; 3], b: [u8; 3]) -> bool {
