@@ -5,7 +5,6 @@ Usage: views.py PROGRAM [THREADS]   in the folder of the comparison; prints the 
 """
 import json
 import os
-import resource
 import subprocess
 import sys
 import time
@@ -49,15 +48,16 @@ def write_recording(views, folder):
 
 
 def build(folder, out):
-    """Milliseconds of wall and processor time of one run."""
-    def used():
-        usage = resource.getrusage(resource.RUSAGE_CHILDREN)
-        return usage.ru_utime + usage.ru_stime
-
-    before, began = used(), time.perf_counter()
+    """Milliseconds of wall and processor time of one run, and its largest memory in megabytes."""
     command = [PROGRAM, "build", folder, "--no-board", "--out", out]
-    subprocess.run(command, check=True, capture_output=True, env=dict(os.environ, RAYON_NUM_THREADS=str(THREADS)))
-    return (time.perf_counter() - began) * 1e3, (used() - before) * 1e3
+    began = time.perf_counter()
+    quiet = dict(stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen(command, env=dict(os.environ, RAYON_NUM_THREADS=str(THREADS)), **quiet)
+    _, status, usage = os.wait4(process.pid, 0)
+    wall = time.perf_counter() - began
+    if os.waitstatus_to_exitcode(status) != 0:
+        sys.exit(f"{folder} could not be built")
+    return wall * 1e3, (usage.ru_utime + usage.ru_stime) * 1e3, usage.ru_maxrss // 1024
 
 
 def peers_score():
@@ -77,8 +77,7 @@ for obj in ("bunny", "rabbit", "ape", "horse"):
     middle = [np.asarray(o3d.io.read_point_cloud(f"{B}view{i}.pcd").points).mean(0) for i in range(VIEWS)]
     errors = [err(poses[i], np.linalg.inv(GT[0]) @ GT[i], middle[i]) for i in range(1, VIEWS)]
     turned, moved = [e[0] for e in errors], [e[1] for e in errors]
-    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss // 1024
-    wall, cpu = times[:, 0], times[:, 1]
+    wall, cpu, peak = times[:, 0], times[:, 1], int(times[:, 2].max())
     quality = score(o3d.io.read_triangle_mesh(f"{out}/model.ply"), GT[0])
     print(
         f"allround,8-view build {obj},{THREADS},{RUNS},{np.median(wall):.1f},{wall.min():.1f},{wall.max():.1f},{np.median(cpu):.1f},{peak},"

@@ -213,6 +213,14 @@ mod tests {
     use super::super::grid::Grid;
     use super::*;
 
+    fn thinned_and_smoothed(samples: &[Sample]) -> Vec<Sample> {
+        let config = FuseConfig::default();
+        let points: Vec<[f32; 3]> = samples.iter().map(|s| s.point).collect();
+        let grid = Grid::new(&points, config.radius_metres);
+        let seeds = thin(samples, config.voxel_metres);
+        seeds.iter().filter_map(|s| smooth(s, samples, &mut grid.walk(), &config)).collect()
+    }
+
     #[test]
     fn both_sides_of_a_thin_wall_survive_thinning_and_smoothing() {
         let mut rng = fastrand::Rng::with_seed(5);
@@ -226,13 +234,7 @@ mod tests {
         };
         let mut samples: Vec<Sample> = (0..6000).map(|_| wall(0.001, 1.0, &mut rng)).collect();
         samples.extend((0..6000).map(|_| wall(-0.001, -1.0, &mut rng)));
-        let config = FuseConfig::default();
-        let points: Vec<[f32; 3]> = samples.iter().map(|s| s.point).collect();
-        let grid = Grid::new(&points, config.radius_metres);
-        let smoothed: Vec<Sample> = thin(&samples, 0.001)
-            .iter()
-            .filter_map(|s| smooth(s, &samples, &mut grid.walk(), &config))
-            .collect();
+        let smoothed = thinned_and_smoothed(&samples);
         assert!(smoothed.len() > 2000);
         let rms = (smoothed.iter().map(|s| (s.point[0].abs() - 0.001).powi(2)).sum::<f32>()
             / smoothed.len() as f32)
@@ -258,13 +260,7 @@ mod tests {
                 }
             })
             .collect();
-        let config = FuseConfig::default();
-        let points: Vec<[f32; 3]> = samples.iter().map(|s| s.point).collect();
-        let grid = Grid::new(&points, config.radius_metres);
-        let smoothed: Vec<Sample> = thin(&samples, 0.001)
-            .iter()
-            .filter_map(|s| smooth(s, &samples, &mut grid.walk(), &config))
-            .collect();
+        let smoothed = thinned_and_smoothed(&samples);
         let off = |s: &Sample| s.point[0].hypot(s.point[1]) - RADIUS;
         let mean = smoothed.iter().map(off).sum::<f32>() / smoothed.len() as f32;
         // The plain mean of the neighbours lies 0.3 mm inside.

@@ -75,10 +75,11 @@ pub(super) fn outermost(along: &[f32]) -> Option<f32> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
-    fn normal(rng: &mut fastrand::Rng) -> f32 {
+    /// Normally distributed noise of deviation 1.
+    pub(in crate::measure) fn normal(rng: &mut fastrand::Rng) -> f32 {
         let (a, b) = (rng.f32().max(1e-7), rng.f32());
         (-2.0 * a.ln()).sqrt() * (std::f32::consts::TAU * b).cos()
     }

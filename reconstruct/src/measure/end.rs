@@ -28,6 +28,8 @@ const TRIED_BEYOND: usize = 6;
 const TRIED_BELOW: usize = 72;
 /// Only a part of a stated deviation blurs the end; the rest is shared by all its points and moves it as a whole.
 const BLURRING_PART: f64 = 0.65;
+/// Larger deviations blur all that is looked at alike; also keeps what files may state within bounds, metres.
+const MOST_BLUR_METRES: f64 = 0.002;
 /// Noise is smoothed over some millimetres before points are a millimetre apart: so many neighbours share theirs and count as one.
 const POINTS_WORTH_ONE: f64 = 50.0;
 /// Rounds of expectation maximisation.
@@ -48,7 +50,7 @@ pub(super) fn end(along: &[f32], deviations: &[f32]) -> Option<End> {
     let outermost = outermost(along)?;
     let histogram = histogram(along, outermost);
     let noise = rms_near(along, deviations, outermost);
-    let shapes = blurred_shapes(BLURRING_PART * noise);
+    let shapes = blurred_shapes((BLURRING_PART * noise).min(MOST_BLUR_METRES));
     let tried = TRIED_BEYOND + 1 + TRIED_BELOW;
     let fits: Vec<f64> = (0..tried).map(|place| log_likelihood(&histogram, &shapes, place)).collect();
     let best = fits.iter().copied().fold(f64::MIN, f64::max);
@@ -138,12 +140,8 @@ fn log_likelihood(histogram: &[f64; BINS], shapes: &[Vec<f64>; SHAPES], place: u
 
 #[cfg(test)]
 mod tests {
+    use super::super::edge::tests::normal;
     use super::*;
-
-    fn normal(rng: &mut fastrand::Rng) -> f32 {
-        let (a, b) = (rng.f32().max(1e-7), rng.f32());
-        (-2.0 * a.ln()).sqrt() * (std::f32::consts::TAU * b).cos()
-    }
 
     /// The error of the end in deviations, for points whose true places below it come from `below` and whose stated deviation is in part
     /// shared.
@@ -168,6 +166,15 @@ mod tests {
             for (what, off) in [("face", face), ("ridge", ridge), ("round", round), ("lid", lid)] {
                 assert!(off.abs() < 0.4, "{what} of {count}: {off}");
             }
+        }
+    }
+
+    #[test]
+    fn whatever_deviations_are_stated_the_end_is_near_the_points() {
+        let along: Vec<f32> = (0..2000u16).map(|i| 0.05 + 1e-6 * f32::from(i)).collect();
+        for deviation in [0.1, 1e6, f32::MAX, f32::INFINITY, f32::NAN] {
+            let found = end(&along, &vec![deviation; along.len()]).unwrap();
+            assert!((found.at - 0.05).abs() < 0.006, "{deviation}: {found:?}");
         }
     }
 

@@ -173,3 +173,36 @@ fn by_neighbours(source: &RegisterView, target: &RegisterView, pose: &Pose) -> C
     }
     counts
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::link::Acceptance;
+    use super::*;
+    use crate::camera::Intrinsics;
+
+    /// A white wall with dark squares, far apart, straight ahead.
+    fn wall() -> RegisterView {
+        let camera = Intrinsics::pinhole(320, 240, 262.0, 262.0, 159.5, 119.5);
+        let points: Vec<[f32; 3]> =
+            camera.ray_table().iter().map(|r| [0.7 * r[0], 0.7 * r[1], 0.7]).collect();
+        let dark = |i: usize| (i % 320) % 40 < 12 && (i / 320) % 40 < 12;
+        let colors: Vec<[u8; 3]> =
+            (0..points.len()).map(|i| if dark(i) { [30; 3] } else { [230; 3] }).collect();
+        let cell = RegisterView::cell_for(&camera, &points).unwrap();
+        RegisterView::organised(camera, &points, &colors, cell).unwrap()
+    }
+
+    #[test]
+    fn white_on_white_is_no_proof_where_the_pattern_is_not_found() {
+        let wall = wall();
+        let pixel = 0.7 / 262.0;
+        let slid = |pixels: f64| agreement(&wall, &wall, &Pose::translation(pixels * pixel, 0.0, 0.0));
+        let (right, wrong) = (slid(0.0), slid(20.0));
+        assert!(right.patterned > 100 && right.same_pattern > 0.98, "{right:?}");
+        assert_eq!(Acceptance::default().judge(&right), Ok(()));
+        // Most of both is white, and that agrees.
+        assert!(wrong.same_color > 0.7 && wrong.overlap > 0.8 && wrong.in_free_space < 0.01, "{wrong:?}");
+        assert!(wrong.same_pattern < 0.7, "{wrong:?}");
+        assert!(Acceptance::default().judge(&wrong).is_err());
+    }
+}

@@ -57,18 +57,18 @@ pub(super) fn close(
     holes
 }
 
-/// Whether the two sides of a rim run close to each other: within `width_metres` along nearly all of it. That it spans no more area than
-/// half its rim times that width, which the ragged rim of something large does, does not tell alone: a band round a product spans none
-/// to any one side.
-fn is_crack(rim: &[Vector3<f64>], width_metres: f64) -> bool {
-    if rim.len() > MOST_CRACK_CORNERS {
-        return false;
-    }
+/// Whether the two sides of a rim run close to each other: within `width_metres` along nearly all of it. The ragged rim of
+/// something large runs close to itself as well, but spans more area than half its length times that width; the area does not tell alone,
+/// for a band round a product spans none to any one side.
+fn is_crack(rim: &[Vector3<f64>], area_m2: f64, width_metres: f64) -> bool {
     let mut along = vec![0.0];
     for (a, b) in rim.iter().zip(rim.iter().cycle().skip(1)) {
         along.push(along[along.len() - 1] + (b - a).norm());
     }
     let whole = along[rim.len()];
+    if rim.len() > MOST_CRACK_CORNERS || area_m2 > 0.5 * whole * width_metres {
+        return false;
+    }
     let has_other_side = |i: usize| {
         (0..rim.len()).any(|j| {
             let apart = (along[i] - along[j]).abs();
@@ -104,7 +104,7 @@ fn look_at(
     let is_base = stands_on_floor && facing.z < FACES_DOWN && low >= LOW_SHARE && area_m2 > LEAST_BASE_AREA;
     let kind = if is_base {
         HoleKind::Base
-    } else if area_m2 <= 0.5 * rim_m * config.crack_metres && is_crack(&points, config.crack_metres) {
+    } else if is_crack(&points, area_m2, config.crack_metres) {
         HoleKind::Closed
     } else if is_seen_through(&center, &points, views, config) {
         HoleKind::Opening
@@ -142,5 +142,37 @@ fn normals_of_invented(mesh: &mut Mesh) {
         if mesh.deviations_metres[i] == INVENTED {
             mesh.vertices.normals[i] = normal;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The rim of a strip of teeth 3 mm wide and 20 mm long, every second one of which is open, below an opening `open_metres` high.
+    fn comb(open_metres: f64) -> Vec<Vector3<f64>> {
+        const TEETH: usize = 20;
+        let mut corners = vec![(0.0, open_metres + 0.02)];
+        for tooth in 0..TEETH {
+            let x = 0.006 * tooth as f64;
+            corners.extend([(x, 0.0), (x + 0.003, 0.0), (x + 0.003, 0.02), (x + 0.006, 0.02)]);
+        }
+        corners.push((0.006 * TEETH as f64, open_metres + 0.02));
+        let ends = corners.iter().zip(corners.iter().cycle().skip(1));
+        ends.flat_map(|(a, b)| {
+            let steps = ((b.0 - a.0).hypot(b.1 - a.1) / 0.001).ceil().max(1.0) as usize;
+            (0..steps).map(move |k| {
+                let share = k as f64 / steps as f64;
+                Vector3::new(a.0 + share * (b.0 - a.0), a.1 + share * (b.1 - a.1), 0.0)
+            })
+        })
+        .collect()
+    }
+
+    #[test]
+    fn a_slit_is_a_crack_and_the_ragged_rim_of_something_large_is_none() {
+        let teeth = 20.0 * 0.003 * 0.02;
+        assert!(is_crack(&comb(0.002), teeth + 0.12 * 0.002, 0.005));
+        assert!(!is_crack(&comb(0.1), teeth + 0.12 * 0.1, 0.005));
     }
 }

@@ -144,3 +144,20 @@ fn the_number_of_threads_changes_nothing() {
     };
     assert_eq!(on(1), on(3));
 }
+
+#[test]
+fn a_small_ball_neither_swells_nor_shrinks() {
+    const RADIUS: f32 = 0.008;
+    let ball = sampled(1200, 4, |u, v| {
+        let (z, (s, c)) = (2.0 * v - 1.0, (u * std::f32::consts::TAU).sin_cos());
+        let r = (1.0 - z * z).max(0.0).sqrt();
+        let n = [r * c, r * s, z];
+        Some((n.map(|v| RADIUS * v), n))
+    });
+    let made = surface(&fused(ball), &[], false, &SurfaceConfig::default());
+    let points = &made.mesh.vertices.points;
+    let off = |p: &[f32; 3]| p.iter().map(|v| v * v).sum::<f32>().sqrt() - RADIUS;
+    let mean = points.iter().map(off).sum::<f32>() / points.len() as f32;
+    // Tangent planes alone put it 0.1 mm outside.
+    assert!(points.len() > 500 && mean.abs() < 0.00004, "{mean}");
+}
