@@ -1,6 +1,6 @@
 //! Do the views agree? A product that was knocked in one view stands elsewhere there, and so does its surface.
 //!
-//! For every pair of views, each point of one is held against the depth that the other sees in its direction (metres): it
+//! For every pair of views (of many views, each with an even choice of the others), each point of one is held against the depth that the other sees in its direction (metres): it
 //! agrees, it is hidden, or it contradicts, standing where the other view sees through. A view that contradicts most of
 //! its neighbours in many points does not fit.
 
@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use crate::pose::Pose;
 use crate::view::DepthView;
+use crate::witness::are_compared;
 
 /// Settings of the check.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,13 +64,16 @@ pub fn agreement(
     config: &ConsistencyConfig,
 ) -> Vec<ViewFit> {
     let n = views.len();
+    let samples: Vec<Vec<Sample>> = views.par_iter().map(|v| samples_of(v, config.samples)).collect();
     let one_way: Vec<Meeting> = (0..n * n)
         .into_par_iter()
         .map(|k| {
-            if k / n == k % n {
-                Meeting::default()
+            let (i, j) = (k / n, k % n);
+            if are_compared(i, j, n) {
+                let target_from_source = world_from_camera[j].inverse() * world_from_camera[i];
+                meet(&samples[i], views[j], &target_from_source, config)
             } else {
-                meet(views, world_from_camera, k / n, k % n, config)
+                Meeting::default()
             }
         })
         .collect();
@@ -114,17 +118,29 @@ pub fn misfit(fits: &[ViewFit], config: &ConsistencyConfig) -> Option<usize> {
     (share > bound).then_some(worst)
 }
 
-/// Compares the points of view `i` with what view `j` sees in their directions.
-fn meet(views: &[&DepthView], poses: &[Pose], i: usize, j: usize, config: &ConsistencyConfig) -> Meeting {
-    let (source, target) = (views[i], views[j]);
-    let target_from_source = poses[j].inverse() * poses[i];
-    let pixels: Vec<usize> = source.product_pixels().filter(|&s| source.incidence_cosine(s) > 0.4).collect();
-    let stride = (pixels.len() / config.samples).max(1);
+/// A point and its normal in its camera's frame.
+type Sample = (Point3<f64>, Vector3<f64>);
+
+/// Points of the product that are seen well enough to be compared, evenly taken.
+fn samples_of(view: &DepthView, most: usize) -> Vec<Sample> {
+    let pixels: Vec<usize> = view.product_pixels().filter(|&s| view.incidence_cosine(s) > 0.4).collect();
+    let stride = (pixels.len() / most).max(1);
+    let sample = |&s: &usize| (Point3::from(view.points[s]).cast(), Vector3::from(view.normals[s]).cast());
+    pixels.iter().step_by(stride).map(sample).collect()
+}
+
+/// Compares the points of a view with what another view sees in their directions.
+fn meet(
+    samples: &[Sample],
+    target: &DepthView,
+    target_from_source: &Pose,
+    config: &ConsistencyConfig,
+) -> Meeting {
     let mut meeting = Meeting::default();
-    for &s in pixels.iter().step_by(stride) {
-        let p = target_from_source * Point3::from(source.points[s]).cast::<f64>();
+    for (point, normal) in samples {
+        let p = target_from_source * point;
         // Surfaces that the other view sees from the side or from behind are compared by views in between.
-        let n = target_from_source.rotation * Vector3::from(source.normals[s]).cast::<f64>();
+        let n = target_from_source.rotation * normal;
         if n.dot(&p.coords) > -0.4 * p.coords.norm() {
             continue;
         }

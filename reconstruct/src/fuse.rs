@@ -5,10 +5,12 @@
 //! of its neighbours facing the same way (a moving-least-squares step, Levin 2004), which averages the views' noise.
 
 mod clean;
+mod color;
 mod gains;
 pub(crate) mod grid;
 mod samples;
 mod smooth;
+mod spot;
 
 use rayon::prelude::*;
 
@@ -16,8 +18,9 @@ use crate::cloud::PointCloud;
 use crate::image::ColorImage;
 use crate::pose::Pose;
 use crate::view::DepthView;
-use grid::Grid;
+use grid::{Grid, Walk};
 use samples::{Sample, samples_of};
+use spot::{Smoothed, Spot, spots_of, thin};
 
 /// Settings of the fusion.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -81,26 +84,39 @@ pub fn fuse(views: &[PlacedView], config: &FuseConfig) -> Fused {
         .map(|i| samples_of(views, i, gains[i], config))
         .collect::<Vec<_>>()
         .concat();
-    let points: Vec<[f32; 3]> = samples.iter().map(|s| s.point).collect();
-    let (grid, order) = Grid::new(&points, config.radius_metres).in_order();
-    let samples: Vec<Sample> = order.into_par_iter().map(|i| samples[i as usize]).collect();
-    let seeds = smooth::thin(&samples, config.voxel_metres);
-    let smoothed: Vec<Sample> = seeds
-        .par_iter()
-        .map_init(|| grid.walk(), |near, s| smooth::smooth(s, &samples, near, config))
-        .flatten_iter()
-        .collect();
-    let thinned = smooth::thin(&smoothed, config.voxel_metres);
+    let smoothed = colored(smoothed(&spots_of(&samples, config.voxel_metres), config), samples, config);
+    let thinned = thin(&smoothed, config.voxel_metres);
     let has_floor = config.floor_metres.is_finite();
     let kept = if has_floor { clean::drop_board_remains(thinned, config) } else { thinned };
     to_fused(&clean::drop_small_clusters(kept))
 }
 
-fn to_fused(samples: &[Sample]) -> Fused {
-    let cloud = PointCloud {
-        points: samples.iter().map(|s| s.point).collect(),
-        colors: samples.iter().map(|s| s.color.map(|c| c.round().clamp(0.0, 255.0) as u8)).collect(),
-        normals: samples.iter().map(|s| s.normal).collect(),
+/// The spots on the surface that their neighbours make.
+fn smoothed(spots: &[Spot], config: &FuseConfig) -> Vec<Smoothed> {
+    let points: Vec<[f32; 3]> = spots.par_iter().map(|s| s.point).collect();
+    let (grid, order) = Grid::new(&points, config.radius_metres).in_order();
+    let spots: Vec<Spot> = order.into_par_iter().map(|i| spots[i as usize]).collect();
+    let onto_surface = |near: &mut Walk<'_>, spot: &Spot| smooth::smooth(spot, &spots, near, config);
+    spots.par_iter().map_init(|| grid.walk(), onto_surface).flatten_iter().collect()
+}
+
+/// The points with the colours of the pixels beside them.
+fn colored(points: Vec<Smoothed>, samples: Vec<Sample>, config: &FuseConfig) -> Vec<Smoothed> {
+    let places: Vec<[f32; 3]> = samples.par_iter().map(|s| s.point).collect();
+    let (grid, order) = Grid::new(&places, color::REACH_METRES).in_order();
+    let samples: Vec<Sample> = order.into_par_iter().map(|i| samples[i as usize]).collect();
+    let with_color = |near: &mut Walk<'_>, at: Smoothed| Smoothed {
+        color: color::color_at(&at, &samples, near, config.same_side_cosine),
+        ..at
     };
-    Fused { cloud, deviations_metres: samples.iter().map(|s| s.deviation).collect() }
+    points.into_par_iter().map_init(|| grid.walk(), with_color).collect()
+}
+
+fn to_fused(points: &[Smoothed]) -> Fused {
+    let cloud = PointCloud {
+        points: points.iter().map(|s| s.point).collect(),
+        colors: points.iter().map(|s| s.color.map(|c| c.round().clamp(0.0, 255.0) as u8)).collect(),
+        normals: points.iter().map(|s| s.normal).collect(),
+    };
+    Fused { cloud, deviations_metres: points.iter().map(|s| s.deviation).collect() }
 }

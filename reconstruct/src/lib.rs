@@ -43,3 +43,4 @@ pub mod surface;
 pub mod tsdf;
 pub mod view;
 pub mod voxel;
+mod witness;

@@ -7,6 +7,7 @@
 
 mod anchor;
 mod board;
+mod gather;
 mod luminance;
 mod pair;
 mod system;
@@ -53,7 +54,7 @@ pub struct RefineConfig {
 impl Default for RefineConfig {
     fn default() -> Self {
         Self {
-            points_per_pair: 1200,
+            points_per_pair: 800,
             neighbours: 6,
             rounds: 6,
             gate_metres: [0.010, 0.004],

@@ -8,11 +8,13 @@
 use std::collections::HashMap;
 
 use nalgebra::{Matrix3, Vector3};
+use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
 use crate::camera::Intrinsics;
 use crate::mesh::Mesh;
 use crate::pose::Pose;
+use crate::simd;
 use crate::surface::blocks::{Blocks, CORNERS, MAX_PLACE, SIDE, key, place};
 use crate::surface::cubes;
 
@@ -115,7 +117,7 @@ impl Volume {
         let config = self.config;
         self.blocks.par_iter_mut().zip(&self.keys).zip(&touched).filter(|(_, touched)| **touched).for_each(
             |((block, key), _)| {
-                pulp::Arch::new().dispatch(|| update(block, *key, &projection, &config));
+                simd::run(Update { block, key: *key, projection: &projection, config: &config });
             },
         );
     }
@@ -190,19 +192,32 @@ fn block_place(coordinate: f32) -> u32 {
 }
 
 /// Averages a picture into one block, a row of eight voxels at a time.
-#[inline(always)]
-fn update(block: &mut Block, key: u64, projection: &Projection, config: &VolumeConfig) {
-    let at = place(key);
-    let first = Vector3::from(at.map(|c| (c as i32 - MIDDLE) as f32 * SIDE as f32 * config.voxel_metres));
-    let corner = projection.camera_from_world * first + projection.origin_in_camera;
-    let step = projection.camera_from_world * config.voxel_metres;
-    for z in 0..SIDE {
-        for y in 0..SIDE {
-            let row = corner + step.column(1) * y as f32 + step.column(2) * z as f32;
-            let c = (z * SIDE + y) * SIDE;
-            let distance: &mut [f32; SIDE] = (&mut block.distance[c..c + SIDE]).try_into().expect("a row");
-            let weight: &mut [f32; SIDE] = (&mut block.weight[c..c + SIDE]).try_into().expect("a row");
-            update_row(distance, weight, row.into(), step.column(0).into(), projection, config);
+struct Update<'a> {
+    block: &'a mut Block,
+    key: u64,
+    projection: &'a Projection<'a>,
+    config: &'a VolumeConfig,
+}
+
+impl WithSimd for Update<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { block, key, projection, config } = self;
+        let at = place(key);
+        let first = Vector3::from(at.map(|c| (c as i32 - MIDDLE) as f32 * SIDE as f32 * config.voxel_metres));
+        let corner = projection.camera_from_world * first + projection.origin_in_camera;
+        let step = projection.camera_from_world * config.voxel_metres;
+        for z in 0..SIDE {
+            for y in 0..SIDE {
+                let row = corner + step.column(1) * y as f32 + step.column(2) * z as f32;
+                let c = (z * SIDE + y) * SIDE;
+                let distance: &mut [f32; SIDE] =
+                    (&mut block.distance[c..c + SIDE]).try_into().expect("a row");
+                let weight: &mut [f32; SIDE] = (&mut block.weight[c..c + SIDE]).try_into().expect("a row");
+                update_row(distance, weight, row.into(), step.column(0).into(), projection, config);
+            }
         }
     }
 }

@@ -54,7 +54,8 @@ impl DepthView {
 
     /// Index of the pixel nearest to a place in the picture; `None` beyond it.
     pub fn index_of(&self, pixel: &Point2<f64>) -> Option<usize> {
-        let (u, v) = (pixel.x.round(), pixel.y.round());
+        // Rounded by hand: `round` is a call where the processor is not known.
+        let (u, v) = (pixel.x + 0.5, pixel.y + 0.5);
         let inside =
             u >= 0.0 && v >= 0.0 && u < f64::from(self.camera.width) && v < f64::from(self.camera.height);
         inside.then(|| v as usize * self.camera.width as usize + u as usize)

@@ -2,10 +2,11 @@
 
 use super::FuseConfig;
 use super::grid::Grid;
-use super::samples::{Sample, dot};
+use super::samples::dot;
+use super::spot::Smoothed;
 
 /// Drops low points that are the board's noise: they stay only under or inside the product's outline.
-pub(super) fn drop_board_remains(samples: Vec<Sample>, config: &FuseConfig) -> Vec<Sample> {
+pub(super) fn drop_board_remains(samples: Vec<Smoothed>, config: &FuseConfig) -> Vec<Smoothed> {
     const CELL: f32 = 0.002;
     const SURELY_PRODUCT_METRES: f32 = 0.006;
     let Some(first) = samples.first() else { return samples };
@@ -84,7 +85,7 @@ fn filled(cells: &[bool], size: [usize; 2]) -> Vec<bool> {
 }
 
 /// Drops clusters smaller than one percent of the largest (Euclidean clustering, 5 mm: the source's own future work).
-pub(super) fn drop_small_clusters(samples: Vec<Sample>) -> Vec<Sample> {
+pub(super) fn drop_small_clusters(samples: Vec<Smoothed>) -> Vec<Smoothed> {
     const LINK: f32 = 0.005;
     let points: Vec<[f32; 3]> = samples.iter().map(|s| s.point).collect();
     let grid = Grid::new(&points, LINK);

@@ -5,6 +5,7 @@ use nalgebra::{Point3, Vector3};
 use super::{FuseConfig, PlacedView};
 use crate::pose::Pose;
 use crate::view::DepthView;
+use crate::witness::witnesses;
 
 /// A measured point in the world.
 #[derive(Debug, Clone, Copy)]
@@ -15,15 +16,12 @@ pub(super) struct Sample {
     pub weight: f32,
     /// Which view saw it.
     pub view: u16,
-    /// Standard deviation along the normal, metres; 0 as long as it is not known.
-    pub deviation: f32,
 }
 
-/// The product's pixels of view `i` that no two other views see through.
+/// The product's pixels of view `i` that the views it is compared with do not see through.
 pub(super) fn samples_of(views: &[PlacedView], i: usize, gain: [f32; 3], config: &FuseConfig) -> Vec<Sample> {
     let view = &views[i];
-    let others: Vec<(Pose, &DepthView)> = (0..views.len())
-        .filter(|&j| j != i)
+    let others: Vec<(Pose, &DepthView)> = witnesses(i, views.len())
         .map(|j| (views[j].world_from_camera.inverse() * view.world_from_camera, views[j].geometry))
         .collect();
     let world_from_camera = view.world_from_camera.cast::<f32>();
@@ -44,7 +42,6 @@ pub(super) fn samples_of(views: &[PlacedView], i: usize, gain: [f32; 3], config:
                 color: std::array::from_fn(|k| f32::from(c[k]) * gain[k]),
                 weight: cosine / (distance * distance).powi(2),
                 view: i as u16,
-                deviation: 0.0,
             }
         })
         .collect()

@@ -1,77 +1,10 @@
-//! Thinning to one sample a voxel and side, and the moving-least-squares step (Levin 2004) that averages the views' noise.
-
-use rayon::prelude::*;
+//! The moving-least-squares step (Levin 2004) that averages the views' noise.
 
 use super::FuseConfig;
-use super::grid::{Walk, cell_of, key};
-use super::samples::{Sample, dot};
+use super::grid::Walk;
+use super::samples::dot;
+use super::spot::{Smoothed, Spot};
 
-/// Which of six directions a normal points to most: keeps the sides of a thin wall in different voxels.
-fn side(n: &[f32; 3]) -> u64 {
-    let axis = (0..3).fold(0, |best, k| if n[k].abs() > n[best].abs() { k } else { best });
-    (2 * axis + usize::from(n[axis] < 0.0)) as u64
-}
-
-/// One weighted mean sample a voxel and side, in the order of the voxels.
-pub(super) fn thin(samples: &[Sample], voxel: f32) -> Vec<Sample> {
-    let low = samples.iter().fold([f32::MAX; 3], |low, s| std::array::from_fn(|k| low[k].min(s.point[k])));
-    let mut keyed: Vec<(u64, u64, u32)> = samples
-        .iter()
-        .enumerate()
-        .map(|(i, s)| (key(cell_of(&s.point, &low, voxel)), side(&s.normal), i as u32))
-        .collect();
-    keyed.par_sort_unstable();
-    keyed
-        .chunk_by(|a, b| (a.0, a.1) == (b.0, b.1))
-        .map(|run| {
-            let mut mean = Mean::default();
-            for &(_, _, i) in run {
-                let s = &samples[i as usize];
-                mean.add(s, s.weight, s.weight);
-            }
-            mean.sample()
-        })
-        .collect()
-}
-
-/// A weighted mean of samples.
-#[derive(Default)]
-struct Mean {
-    point: [f32; 3],
-    normal: [f32; 3],
-    color: [f32; 3],
-    deviation: f32,
-    weight: f32,
-    color_weight: f32,
-}
-
-impl Mean {
-    fn add(&mut self, s: &Sample, weight: f32, color_weight: f32) {
-        for k in 0..3 {
-            self.point[k] += weight * s.point[k];
-            self.normal[k] += weight * s.normal[k];
-            self.color[k] += color_weight * s.color[k];
-        }
-        self.deviation += weight * s.deviation;
-        self.weight += weight;
-        self.color_weight += color_weight;
-    }
-
-    fn sample(&self) -> Sample {
-        let length = dot(&self.normal, &self.normal).sqrt().max(1e-12);
-        Sample {
-            point: self.point.map(|v| v / self.weight.max(1e-12)),
-            normal: self.normal.map(|v| v / length),
-            color: self.color.map(|v| v / self.color_weight.max(1e-12)),
-            weight: self.weight,
-            view: 0,
-            deviation: self.deviation / self.weight.max(1e-12),
-        }
-    }
-}
-
-/// How far a colour may be from the others of its spot before it counts little (reflections, hands), 8-bit steps.
-const COLOR_SPREAD: f32 = 25.0;
 /// Neighbouring pixels of a view share part of their noise: this many of them are worth one.
 const PIXELS_WORTH_ONE: f32 = 11.8;
 /// What all pixels of a view share where they are a few millimetres apart, as a share of their spread.
@@ -90,11 +23,12 @@ struct Spread {
 }
 
 impl Spread {
-    fn add(&mut self, off_metres: f32, weight: f32, view: u16) {
-        self.weight += weight;
-        self.squared_weight += weight * weight;
-        self.squared += weight * off_metres * off_metres;
-        self.views |= 1 << (view % 64);
+    /// `share` is how much of its own weight the spot has here.
+    fn add(&mut self, off_metres: f32, spot: &Spot, share: f32) {
+        self.weight += share * spot.weight;
+        self.squared_weight += share * share * spot.squared_weight;
+        self.squared += share * spot.weight * (off_metres * off_metres + spot.variance);
+        self.views |= spot.views;
     }
 
     /// Standard deviation of the mean: a part shrinks with the samples, a part only with the views.
@@ -107,48 +41,50 @@ impl Spread {
     }
 }
 
-/// Moves a seed along its normal onto the surface of its neighbours; `None` where too few support it.
+/// Moves a spot along its normal onto the surface of its neighbours; `None` where too few support it.
 pub(super) fn smooth(
-    seed: &Sample,
-    samples: &[Sample],
+    seed: &Spot,
+    spots: &[Spot],
     near: &mut Walk<'_>,
     config: &FuseConfig,
-) -> Option<Sample> {
-    let mut current = *seed;
+) -> Option<Smoothed> {
+    let (mut point, mut normal) = (seed.point, seed.normal);
+    let (mut spread, mut color) = (Spread::default(), seed.color);
     let radius2 = config.radius_metres * config.radius_metres;
     let per_radius2 = 4.0 / radius2;
     let per_voxel2 = 1.0 / (config.voxel_metres * config.voxel_metres);
     for pass in 0..2 {
-        let (mut mean, mut spread, mut patch) = (Mean::default(), Spread::default(), Patch::default());
-        let mut support = 0.0;
-        near.around(&current.point, |i| {
-            let s = &samples[i];
-            let off: [f32; 3] = std::array::from_fn(|k| s.point[k] - current.point[k]);
+        let (mut patch, mut support, mut colors) = (Patch::default(), 0.0, ([0.0f32; 3], 1e-9f32));
+        spread = Spread::default();
+        near.around(&point, |i| {
+            let s = &spots[i];
+            let off: [f32; 3] = std::array::from_fn(|k| s.point[k] - point[k]);
             let d2 = dot(&off, &off);
-            let cosine = dot(&s.normal, &current.normal);
+            let cosine = dot(&s.normal, &normal);
             if d2 > radius2 || cosine < config.same_side_cosine {
                 return;
             }
             support += s.weight;
-            let weight = s.weight * bell(per_radius2 * d2);
-            let trust = if pass == 0 { 1.0 } else { color_trust(&s.color, &current.color) };
-            mean.add(s, weight, trust * s.weight * s.weight * bell(per_voxel2 * d2) + 1e-9);
-            spread.add(dot(&off, &current.normal), weight, s.view);
-            patch.add(&off, s, &current.normal, cosine, weight);
+            let share = bell(per_radius2 * d2);
+            patch.add(&off, &s.normal, &normal, cosine, share * s.weight);
+            spread.add(dot(&off, &normal), s, share);
+            if pass == 0 {
+                let weight = s.squared_weight * bell(per_voxel2 * d2);
+                (0..3).for_each(|k| colors.0[k] += weight * s.color[k]);
+                colors.1 += weight;
+            }
         });
-        if support < config.min_support || mean.weight <= 0.0 {
+        if support < config.min_support || patch.weight <= 0.0 {
             return None;
         }
-        let (height, normal) = patch.at_its_middle(&current.normal);
-        current = Sample {
-            point: std::array::from_fn(|k| current.point[k] + height * current.normal[k]),
-            normal,
-            color: mean.sample().color,
-            deviation: spread.deviation(),
-            ..*seed
-        };
+        if pass == 0 {
+            color = colors.0.map(|c| c / colors.1);
+        }
+        let (height, turned) = patch.at_its_middle(&normal);
+        point = std::array::from_fn(|k| point[k] + height * normal[k]);
+        normal = turned;
     }
-    Some(current)
+    Some(Smoothed { point, normal, color, weight: seed.weight, deviation: spread.deviation() })
 }
 
 /// Sums over neighbours as a patch of height above the plane through a point, for its height at the point itself. The mean of the heights is
@@ -165,10 +101,10 @@ struct Patch {
 }
 
 impl Patch {
-    fn add(&mut self, off: &[f32; 3], s: &Sample, up: &[f32; 3], cosine: f32, weight: f32) {
+    fn add(&mut self, off: &[f32; 3], n: &[f32; 3], up: &[f32; 3], cosine: f32, weight: f32) {
         let height = dot(off, up);
         let across: [f32; 3] = std::array::from_fn(|k| off[k] - height * up[k]);
-        let slope: [f32; 3] = std::array::from_fn(|k| up[k] - s.normal[k] / cosine);
+        let slope: [f32; 3] = std::array::from_fn(|k| up[k] - n[k] / cosine);
         self.weight += weight;
         self.height += weight * height;
         for k in 0..3 {
@@ -202,23 +138,19 @@ fn bell(squared: f32) -> f32 {
     x2 * x2 * x4
 }
 
-/// Little for colours far from their spot's.
-fn color_trust(color: &[f32; 3], of_spot: &[f32; 3]) -> f32 {
-    let off: [f32; 3] = std::array::from_fn(|k| (color[k] - of_spot[k]) / COLOR_SPREAD);
-    1.0 / (1.0 + dot(&off, &off)).powi(2)
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::grid::Grid;
+    use super::super::samples::Sample;
+    use super::super::spot::spots_of;
     use super::*;
 
-    fn thinned_and_smoothed(samples: &[Sample]) -> Vec<Sample> {
+    fn thinned_and_smoothed(samples: &[Sample]) -> Vec<Smoothed> {
         let config = FuseConfig::default();
-        let points: Vec<[f32; 3]> = samples.iter().map(|s| s.point).collect();
+        let spots = spots_of(samples, config.voxel_metres);
+        let points: Vec<[f32; 3]> = spots.iter().map(|s| s.point).collect();
         let grid = Grid::new(&points, config.radius_metres);
-        let seeds = thin(samples, config.voxel_metres);
-        seeds.iter().filter_map(|s| smooth(s, samples, &mut grid.walk(), &config)).collect()
+        spots.iter().filter_map(|s| smooth(s, &spots, &mut grid.walk(), &config)).collect()
     }
 
     #[test]
@@ -230,7 +162,6 @@ mod tests {
             color: [100.0; 3],
             weight: 1.0,
             view: 0,
-            deviation: 0.0,
         };
         let mut samples: Vec<Sample> = (0..6000).map(|_| wall(0.001, 1.0, &mut rng)).collect();
         samples.extend((0..6000).map(|_| wall(-0.001, -1.0, &mut rng)));
@@ -256,12 +187,11 @@ mod tests {
                     color: [100.0; 3],
                     weight: 1.0,
                     view: 0,
-                    deviation: 0.0,
                 }
             })
             .collect();
         let smoothed = thinned_and_smoothed(&samples);
-        let off = |s: &Sample| s.point[0].hypot(s.point[1]) - RADIUS;
+        let off = |s: &Smoothed| s.point[0].hypot(s.point[1]) - RADIUS;
         let mean = smoothed.iter().map(off).sum::<f32>() / smoothed.len() as f32;
         // The plain mean of the neighbours lies 0.4 mm inside.
         assert!(mean.abs() < 0.00005, "{mean}");

@@ -5,13 +5,15 @@
 //! surfaces leave open, such as the turn of a bottle.
 
 use nalgebra::{Matrix3, Matrix6, Point3, RowVector3, Vector3};
-use pulp::Arch;
+use pulp::{Simd, WithSimd};
 
+use super::gather::Gather;
 use super::system::PairBlock;
 use super::{DepthModel, PairFit, RefineConfig, RefineView};
 use crate::calibrate::{TERMS, basis};
 use crate::marker::projection::with_derivative;
 use crate::pose::Pose;
+use crate::simd;
 use crate::view::DepthView;
 
 /// Residuals of this many standard deviations count half (Geman-McClure).
@@ -105,18 +107,29 @@ pub(super) fn linearise(
     depth: Option<(&DepthModel, &[f64; TERMS])>,
     config: &RefineConfig,
 ) -> Linearised {
-    Arch::new().dispatch(
-        #[inline(always)]
-        || {
-            let (mut block, mut fit, met) = surfaces(pair, depth, config);
-            let by_surface = [block.square(0), block.square(6)];
-            let gain = gain(&met);
-            if let Some(gain) = pair.gain {
-                colors(pair, &met, gain, config, &mut block, &mut fit);
-            }
-            Linearised { block, fit, by_surface, gain }
-        },
-    )
+    simd::run(Residuals { pair, depth, config })
+}
+
+struct Residuals<'a> {
+    pair: &'a Pair<'a>,
+    depth: Option<(&'a DepthModel, &'a [f64; TERMS])>,
+    config: &'a RefineConfig,
+}
+
+impl WithSimd for Residuals<'_> {
+    type Output = Linearised;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Linearised {
+        let Self { pair, depth, config } = self;
+        let (mut block, mut fit, met) = surfaces(simd, pair, depth, config);
+        let by_surface = [block.square(0), block.square(6)];
+        let gain = gain(&met);
+        if let Some(gain) = pair.gain {
+            block.join(&colors(simd, pair, &met, gain, config, &mut fit));
+        }
+        Linearised { block, fit, by_surface, gain }
+    }
 }
 
 /// A sample that has a partner, and what the target's picture shows there.
@@ -127,7 +140,8 @@ struct Met<'a> {
 }
 
 #[inline(always)]
-fn surfaces<'a>(
+fn surfaces<'a, S: Simd>(
+    simd: S,
     pair: &Pair<'a>,
     depth: Option<(&DepthModel, &[f64; TERMS])>,
     config: &RefineConfig,
@@ -135,7 +149,7 @@ fn surfaces<'a>(
     let target = pair.target.geometry;
     let target_from_world = pair.world_from_target.inverse();
     let rotation = *pair.world_from_target.rotation.to_rotation_matrix().matrix();
-    let (mut block, mut met, mut squares) = (PairBlock::zero(), Vec::new(), 0.0f64);
+    let (mut gather, mut met, mut squares) = (Gather::new(simd), Vec::new(), 0.0f64);
     for sample in pair.samples {
         let in_target = target_from_world * Point3::from(sample.point);
         let Some(pixel) = target.camera.project(&in_target) else { continue };
@@ -160,31 +174,32 @@ fn surfaces<'a>(
         }
         squares += residual * residual;
         let row = row(&n, &p, &q, &sample.by_depth, Some(&q_by_depth));
-        block.add(&row, residual, robust(residual, config.sigma_metres));
+        gather.add(row, residual, robust(residual, config.sigma_metres));
         let seen = pair.target.luminance.and_then(|l| l.between(pixel.x, pixel.y));
         met.push(Met { sample, in_target, seen });
     }
     let inliers = met.len();
     let dilution = (config.independent_points / inliers.max(1) as f64).min(1.0);
+    let mut block = gather.finish();
     block.scale(dilution / config.sigma_metres.powi(2));
     let inlier_rmse_metres = (squares / inliers.max(1) as f64).sqrt();
     let (source, target) = pair.of;
     (block, PairFit { source, target, inliers, inlier_rmse_metres, color_inliers: 0 }, met)
 }
 
-/// Adds the differences of brightness of samples that have a partner.
+/// The differences of brightness of samples that have a partner.
 #[inline(always)]
-fn colors(
+fn colors<S: Simd>(
+    simd: S,
     pair: &Pair<'_>,
     met: &[Met<'_>],
     gain: f64,
     config: &RefineConfig,
-    block: &mut PairBlock,
     fit: &mut PairFit,
-) {
+) -> PairBlock {
     let camera = &pair.target.geometry.camera;
     let rotation: Matrix3<f64> = *pair.world_from_target.rotation.to_rotation_matrix().matrix();
-    let mut own = PairBlock::zero();
+    let mut gather = Gather::new(simd);
     for m in met {
         let (Some((there, slope)), Some(here)) = (m.seen, m.sample.luminance) else { continue };
         let residual = there - gain * here;
@@ -195,12 +210,13 @@ fn colors(
         let by_point: RowVector3<f64> = slope[0] * by_point.row(0) + slope[1] * by_point.row(1);
         let along = rotation * by_point.transpose();
         let row = row(&along, &m.sample.point, &m.sample.point, &m.sample.by_depth, None);
-        own.add(&row, residual, robust(residual, config.sigma_luminance));
+        gather.add(row, residual, robust(residual, config.sigma_luminance));
         fit.color_inliers += 1;
     }
     let dilution = (config.independent_colors / fit.color_inliers.max(1) as f64).min(1.0);
-    own.scale(dilution / config.sigma_luminance.powi(2));
-    block.join(&own);
+    let mut block = gather.finish();
+    block.scale(dilution / config.sigma_luminance.powi(2));
+    block
 }
 
 /// Derivative of `g . (p - q)` by the source's step, the target's step and the depth coefficients, where p moves with the source

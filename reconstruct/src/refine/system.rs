@@ -8,7 +8,7 @@ use crate::calibrate::TERMS;
 /// Unknowns of a view's own residuals: its pose, the depth.
 const OF_VIEW: usize = 6 + TERMS;
 /// Unknowns of a pair's residuals: source, target, the depth; one more makes whole registers.
-const OF_PAIR: usize = 12 + TERMS + 1;
+pub(super) const OF_PAIR: usize = 12 + TERMS + 1;
 
 /// Sums of one view's own residuals.
 pub(super) type ViewBlock = Block<OF_VIEW>;
@@ -18,8 +18,8 @@ pub(super) type PairBlock = Block<OF_PAIR>;
 /// `J^T W J` (by rows) and `-J^T W r` of some residuals.
 #[derive(Debug, Clone)]
 pub(super) struct Block<const N: usize> {
-    rows: [[f64; N]; N],
-    right: [f64; N],
+    pub(super) rows: [[f64; N]; N],
+    pub(super) right: [f64; N],
 }
 
 /// Derivative of a residual of one view.
@@ -40,7 +40,6 @@ impl<const N: usize> Block<N> {
     }
 
     /// Adds one residual with its derivative.
-    #[inline(always)]
     pub(super) fn add(&mut self, row: &[f64; N], residual: f64, weight: f64) {
         for (i, sums) in self.rows.iter_mut().enumerate() {
             let factor = weight * row[i];

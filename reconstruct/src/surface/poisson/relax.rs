@@ -1,9 +1,11 @@
 //! Relaxation: bricks of even place, then those of odd place; within a brick rows of corners in two colours, a row at once.
 
+use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::level::{Brick, Level, NONE};
 use super::screen::Pins;
+use crate::simd;
 use crate::surface::blocks::{CORNERS, SIDE};
 
 /// Rows are swept so often while a brick is at hand.
@@ -79,42 +81,62 @@ fn relax<'a>(
     let mut right = equations.right[slot];
     equations.pins.pull(place.map(i32::from), slot, &mut right);
     let walls = std::array::from_fn(|k| equations.walls[k][usize::from(place[k])]);
-    pulp::Arch::new().dispatch(|| relax_brick(brick, &beside, &mut right, &equations.weight[slot], &walls));
+    simd::run(Relax {
+        brick,
+        beside: &beside,
+        right: &mut right,
+        weight: &equations.weight[slot],
+        walls: &walls,
+    });
 }
 
-#[inline(always)]
-fn relax_brick(
-    brick: &mut Brick,
-    beside: &[&Brick; 6],
-    right: &mut Brick,
-    weight: &Brick,
-    walls: &[[f32; SIDE]; 3],
-) {
-    let mut u = [0.0; LAYER * (SIDE + 2)];
-    let mut inverse = [0.0; CORNERS];
-    for z in 0..SIDE {
-        for y in 0..SIDE {
-            for x in 0..SIDE {
-                let i = (z * SIDE + y) * SIDE + x;
-                inverse[i] = 1.0 / (6.0 + weight[i] + (walls[0][x] + walls[1][y] + walls[2][z]));
-                right[i] += weight[i] * brick[i];
-            }
-        }
-    }
-    gather(&mut u, brick, beside);
-    for _ in 0..SWEEPS {
-        for color in 0..2 {
-            for z in 0..SIDE {
-                for y in ((z + color) % 2..SIDE).step_by(2) {
-                    relax_row(&mut u, (z * SIDE + y) * SIDE, FIRST + z * LAYER + y * ROW, right, &inverse);
+/// One brick among its neighbours.
+struct Relax<'a> {
+    brick: &'a mut Brick,
+    beside: &'a [&'a Brick; 6],
+    right: &'a mut Brick,
+    weight: &'a Brick,
+    walls: &'a [[f32; SIDE]; 3],
+}
+
+impl WithSimd for Relax<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { brick, beside, right, weight, walls } = self;
+        let mut u = [0.0; LAYER * (SIDE + 2)];
+        let mut inverse = [0.0; CORNERS];
+        for z in 0..SIDE {
+            for y in 0..SIDE {
+                for x in 0..SIDE {
+                    let i = (z * SIDE + y) * SIDE + x;
+                    inverse[i] = 1.0 / (6.0 + weight[i] + (walls[0][x] + walls[1][y] + walls[2][z]));
+                    right[i] += weight[i] * brick[i];
                 }
             }
         }
-    }
-    for z in 0..SIDE {
-        for y in 0..SIDE {
-            let from = FIRST + z * LAYER + y * ROW;
-            brick[(z * SIDE + y) * SIDE..][..SIDE].copy_from_slice(&u[from..from + SIDE]);
+        gather(&mut u, brick, beside);
+        for _ in 0..SWEEPS {
+            for color in 0..2 {
+                for z in 0..SIDE {
+                    for y in ((z + color) % 2..SIDE).step_by(2) {
+                        relax_row(
+                            &mut u,
+                            (z * SIDE + y) * SIDE,
+                            FIRST + z * LAYER + y * ROW,
+                            right,
+                            &inverse,
+                        );
+                    }
+                }
+            }
+        }
+        for z in 0..SIDE {
+            for y in 0..SIDE {
+                let from = FIRST + z * LAYER + y * ROW;
+                brick[(z * SIDE + y) * SIDE..][..SIDE].copy_from_slice(&u[from..from + SIDE]);
+            }
         }
     }
 }

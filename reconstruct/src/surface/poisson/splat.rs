@@ -3,11 +3,13 @@
 //! A sample's normal times its area is spread over the cells' edges by kernels k: `V = -Σ a N k`; k is a quadratic
 //! B-spline as wide as the sample's kernel, at least a cell, spread by that of the cells themselves. At corner i the equation is `6 u_i - Σ u_neighbour = V_before - V_after` along the three axes.
 
+use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::level::{Brick, Level};
 use super::samples::Sample;
 use super::touches::Touches;
+use crate::simd;
 use crate::surface::blocks::{CORNERS, SIDE};
 
 /// Kernels are never wider than this many cells.
@@ -28,14 +30,30 @@ pub(super) fn right_sides(level: &Level, samples: &[Sample]) -> Vec<Brick> {
         .map(|slot| {
             let first = level.place(slot).map(|v| (SIDE as i32 * v) as f32);
             let mut brick = [0.0; CORNERS];
-            pulp::Arch::new().dispatch(|| {
-                for &i in touches.of(slot) {
-                    add(&mut brick, &samples[i as usize], first, scale);
-                }
-            });
+            simd::run(Splat { brick: &mut brick, samples, touching: touches.of(slot), first, scale });
             brick
         })
         .collect()
+}
+
+/// The samples that touch a brick with the first corner `first`.
+struct Splat<'a> {
+    brick: &'a mut Brick,
+    samples: &'a [Sample],
+    touching: &'a [u32],
+    first: [f32; 3],
+    scale: f32,
+}
+
+impl WithSimd for Splat<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        for &i in self.touching {
+            add(self.brick, &self.samples[i as usize], self.first, self.scale);
+        }
+    }
 }
 
 /// Width of a sample's kernel on a level, cells: squares add up where a kernel is spread by another.
