@@ -15,6 +15,7 @@ mod doctor;
 mod imports;
 mod interrupt;
 mod method_source;
+mod mutations;
 mod poses;
 mod repeatable;
 mod report;

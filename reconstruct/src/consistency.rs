@@ -1,8 +1,10 @@
 //! Do the views agree? A product that was knocked in one view stands elsewhere there, and so does its surface.
 //!
 //! For every pair of views (of many views, each with an even choice of the others), each point of one is held against the depth that the other sees in its direction (metres): it
-//! agrees, it is hidden, or it contradicts, standing where the other view sees through. A view that contradicts most of
-//! its neighbours in many points does not fit.
+//! agrees, it is hidden, or it contradicts, standing where the other view sees through. Views that agree make a group (`groups`); those that
+//! contradict the largest group do not fit.
+
+mod groups;
 
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
@@ -10,6 +12,10 @@ use rayon::prelude::*;
 use crate::pose::Pose;
 use crate::view::DepthView;
 use crate::witness::are_compared;
+use groups::Shared;
+
+/// Never more contradicting points are taken for noise.
+const MOST_CONFLICT: f64 = 0.15;
 
 /// Settings of the check.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -18,9 +24,9 @@ pub struct ConsistencyConfig {
     pub noise_metres: f64,
     /// A pair needs this many common points to be judged.
     pub min_common: usize,
-    /// A view with a larger share of contradicting points does not fit ...
+    /// Views with a larger share of contradicting points do not belong together ...
     pub max_conflict: f64,
-    /// ... if that is also this many times the middle of all views.
+    /// ... if that is also this many times the middle share of all views.
     pub max_ratio: f64,
     /// Points looked at a view.
     pub samples: usize,
@@ -57,12 +63,26 @@ impl Meeting {
     }
 }
 
-/// Agreement of every view with the others, in the order of the views.
-pub fn agreement(
-    views: &[&DepthView],
-    world_from_camera: &[Pose],
-    config: &ConsistencyConfig,
-) -> Vec<ViewFit> {
+/// How the views agree.
+#[derive(Debug, Clone)]
+pub struct Agreement {
+    /// In the order of the views.
+    pub views: Vec<ViewFit>,
+    /// Of views i and j at `i * n + j`, both ways.
+    shared: Vec<Shared>,
+}
+
+/// A view that contradicts the others.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Outsider {
+    /// Its index.
+    pub view: usize,
+    /// Share of the points it has in common with the largest group that contradict it.
+    pub conflict: f64,
+}
+
+/// Agreement of every view with the others.
+pub fn agreement(views: &[&DepthView], world_from_camera: &[Pose], config: &ConsistencyConfig) -> Agreement {
     let n = views.len();
     let samples: Vec<Vec<Sample>> = views.par_iter().map(|v| samples_of(v, config.samples)).collect();
     let one_way: Vec<Meeting> = (0..n * n)
@@ -77,45 +97,52 @@ pub fn agreement(
             }
         })
         .collect();
-    (0..n).map(|i| fit_of(i, n, &one_way, config)).collect()
+    let both_ways = |k: usize| {
+        let (a, b) = (&one_way[k], &one_way[k % n * n + k / n]);
+        let shared = Shared { common: a.common() + b.common(), conflicts: a.conflicts + b.conflicts };
+        if shared.common < config.min_common { Shared::default() } else { shared }
+    };
+    let shared: Vec<Shared> = (0..n * n).map(both_ways).collect();
+    Agreement { views: (0..n).map(|i| fit_of(i, n, &one_way, &shared)).collect(), shared }
+}
+
+impl Agreement {
+    /// The group of views that contradicts the largest one most; empty where none does. Views that share nothing with it do not contradict it.
+    pub fn outsiders(&self, config: &ConsistencyConfig) -> Vec<Outsider> {
+        let n = self.views.len();
+        let usual = middle(&mut self.views.iter().filter_map(|f| f.conflict).collect::<Vec<f64>>());
+        // A moved product can make half of the views contradict, so what is usual never grows far.
+        let bound = config.max_conflict.max(config.max_ratio * usual.unwrap_or(0.0)).min(MOST_CONFLICT);
+        let groups = groups::groups(n, |i, j| self.shared[i * n + j], bound);
+        let Some((kept, others)) = groups.split_first() else { return Vec::new() };
+        let against = |views: &[usize]| {
+            let pairs = views.iter().flat_map(|&i| kept.iter().map(move |&j| self.shared[i * n + j]));
+            let (common, conflicts) = pairs.fold((0, 0), |(a, b), s| (a + s.common, b + s.conflicts));
+            conflicts as f64 / common.max(1) as f64
+        };
+        let worst = others.iter().max_by(|a, b| against(a).total_cmp(&against(b)).then(b.cmp(a)));
+        let worst = worst.filter(|group| against(group) > bound);
+        let outsider = |&view: &usize| Outsider { view, conflict: against(&[view]) };
+        worst.map_or_else(Vec::new, |group| group.iter().map(outsider).collect())
+    }
 }
 
 /// Gathers what view `i` met in the others and the others in it.
-fn fit_of(i: usize, n: usize, one_way: &[Meeting], config: &ConsistencyConfig) -> ViewFit {
-    let mut shares = Vec::new();
-    let (mut squares, mut agree) = (0.0, 0usize);
-    for j in (0..n).filter(|&j| j != i) {
-        let both = [&one_way[i * n + j], &one_way[j * n + i]];
-        let common: usize = both.iter().map(|m| m.common()).sum();
-        if common < config.min_common {
-            continue;
-        }
-        let conflicts: usize = both.iter().map(|m| m.conflicts).sum();
-        shares.push(conflicts as f64 / common as f64);
-        squares += both.iter().map(|m| m.squares).sum::<f64>();
-        agree += common - conflicts;
-    }
+fn fit_of(i: usize, n: usize, one_way: &[Meeting], shared: &[Shared]) -> ViewFit {
+    let neighbours: Vec<usize> = (0..n).filter(|&j| shared[i * n + j].common > 0).collect();
+    let mut shares: Vec<f64> = neighbours
+        .iter()
+        .map(|&j| shared[i * n + j].conflicts as f64 / shared[i * n + j].common as f64)
+        .collect();
+    let squares: f64 =
+        neighbours.iter().map(|&j| one_way[i * n + j].squares + one_way[j * n + i].squares).sum();
+    let agree: usize =
+        neighbours.iter().map(|&j| shared[i * n + j].common - shared[i * n + j].conflicts).sum();
     ViewFit {
         conflict: middle(&mut shares),
         inlier_rmse_metres: (squares / agree.max(1) as f64).sqrt(),
         neighbours: shares.len(),
     }
-}
-
-/// The view that fits worst, if it does not fit at all.
-pub fn misfit(fits: &[ViewFit], config: &ConsistencyConfig) -> Option<usize> {
-    let mut shares: Vec<f64> = fits.iter().filter_map(|f| f.conflict).collect();
-    if shares.len() < 3 {
-        return None;
-    }
-    let usual = middle(&mut shares)?;
-    let bound = config.max_conflict.max(config.max_ratio * usual);
-    let (worst, share) = fits
-        .iter()
-        .enumerate()
-        .filter_map(|(i, f)| f.conflict.map(|share| (i, share)))
-        .max_by(|a, b| a.1.total_cmp(&b.1))?;
-    (share > bound).then_some(worst)
 }
 
 /// A point and its normal in its camera's frame.
@@ -165,16 +192,41 @@ fn middle(values: &mut [f64]) -> Option<f64> {
 mod tests {
     use super::*;
 
-    fn fits(shares: &[f64]) -> Vec<ViewFit> {
-        let fit = |&share| ViewFit { conflict: Some(share), inlier_rmse_metres: 0.001, neighbours: 4 };
-        shares.iter().map(fit).collect()
+    /// Views of which neighbours have a thousand points in common; `conflicts` are those of views i < j.
+    fn of_views(n: usize, conflicts: impl Fn(usize, usize) -> usize) -> Agreement {
+        let shared: Vec<Shared> = (0..n * n)
+            .map(|k| match (k / n, k % n) {
+                (i, j) if i == j => Shared::default(),
+                (i, j) => Shared { common: 1000, conflicts: conflicts(i.min(j), i.max(j)) },
+            })
+            .collect();
+        Agreement {
+            views: (0..n).map(|i| fit_of(i, n, &vec![Meeting::default(); n * n], &shared)).collect(),
+            shared,
+        }
+    }
+
+    fn outsiders(agreement: &Agreement) -> Vec<usize> {
+        agreement.outsiders(&ConsistencyConfig::default()).iter().map(|o| o.view).collect()
     }
 
     #[test]
     fn only_a_view_that_is_off_is_named() {
-        let config = ConsistencyConfig::default();
-        assert_eq!(misfit(&fits(&[0.01, 0.02, 0.01, 0.2, 0.02]), &config), Some(3));
-        assert_eq!(misfit(&fits(&[0.01, 0.02, 0.01, 0.03, 0.02]), &config), None);
-        assert_eq!(misfit(&fits(&[0.01, 0.5]), &config), None, "two views cannot outvote each other");
+        assert_eq!(outsiders(&of_views(5, |_, j| if j == 4 { 200 } else { 10 })), [4]);
+        assert!(outsiders(&of_views(5, |_, j| if j == 4 { 30 } else { 10 })).is_empty());
+    }
+
+    #[test]
+    fn views_after_the_product_was_moved_are_named_together() {
+        let moved = of_views(8, |i, j| if i < 5 && j >= 5 { 400 } else { 3 });
+        assert_eq!(outsiders(&moved), [5, 6, 7]);
+        assert!(
+            moved.outsiders(&ConsistencyConfig::default()).iter().all(|o| (o.conflict - 0.4).abs() < 1e-9)
+        );
+    }
+
+    #[test]
+    fn of_two_views_that_contradict_one_is_off() {
+        assert_eq!(outsiders(&of_views(2, |_, _| 500)), [1]);
     }
 }

@@ -84,7 +84,7 @@ pub fn fuse(views: &[PlacedView], config: &FuseConfig) -> Fused {
         .map(|i| samples_of(views, i, gains[i], config))
         .collect::<Vec<_>>()
         .concat();
-    let smoothed = colored(smoothed(&spots_of(&samples, config.voxel_metres), config), samples, config);
+    let smoothed = colored(smoothed(&spots_of(&samples, config.voxel_metres), config), &samples, config);
     let thinned = thin(&smoothed, config.voxel_metres);
     let has_floor = config.floor_metres.is_finite();
     let kept = if has_floor { clean::drop_board_remains(thinned, config) } else { thinned };
@@ -101,7 +101,7 @@ fn smoothed(spots: &[Spot], config: &FuseConfig) -> Vec<Smoothed> {
 }
 
 /// The points with the colours of the pixels beside them.
-fn colored(points: Vec<Smoothed>, samples: Vec<Sample>, config: &FuseConfig) -> Vec<Smoothed> {
+fn colored(points: Vec<Smoothed>, samples: &[Sample], config: &FuseConfig) -> Vec<Smoothed> {
     let places: Vec<[f32; 3]> = samples.par_iter().map(|s| s.point).collect();
     let (grid, order) = Grid::new(&places, color::REACH_METRES).in_order();
     let samples: Vec<Sample> = order.into_par_iter().map(|i| samples[i as usize]).collect();

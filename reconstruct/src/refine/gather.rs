@@ -112,7 +112,9 @@ mod tests {
         for count in [0, 1, BATCH - 1, BATCH, 3 * BATCH + 5] {
             let residuals: Vec<_> = (0..count).map(|_| residual()).collect();
             let mut simple = PairBlock::zero();
-            residuals.iter().for_each(|(row, r, w)| simple.add(row, *r, *w));
+            for (row, residual, weight) in &residuals {
+                simple.add(row, *residual, *weight);
+            }
             for gathered in on_every_path(|| Sums(&residuals)) {
                 let off =
                     |a: &[f64], b: &[f64]| a.iter().zip(b).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 use reconstruct::calibrate::CalibrationPrior;
-use reconstruct::consistency::{agreement, misfit};
+use reconstruct::consistency::agreement;
 use reconstruct::refine::{Anchor, DepthModel, Luminance, RefineView, Refined, refine};
 use reconstruct::report::{JointReport, LeftOut};
 use reconstruct::view::DepthView;
@@ -10,7 +10,7 @@ use reconstruct::view::DepthView;
 use super::load::{View, Work};
 use crate::config::Config;
 
-/// Refines, looks for the view that fits worst, leaves it out, and starts again until all fit.
+/// Refines, looks for the views that fit worst, leaves them out, and starts again until all fit.
 pub fn refine_together(scan: &mut Work, config: &Config) {
     let pictures: Vec<Option<Luminance>> = scan
         .views
@@ -29,14 +29,17 @@ pub fn refine_together(scan: &mut Work, config: &Config) {
         let depth = calibrated.then(|| DepthModel::new(&scan.calibration, &expected, focal_baseline));
         let refined = refine(&views, depth.as_ref(), &config.refine);
         let geometry: Vec<&DepthView> = views.iter().map(|v| v.geometry).collect();
-        let fits = agreement(&geometry, &refined.world_from_camera, &config.consistency);
-        let worst = misfit(&fits, &config.consistency);
-        for (k, &i) in used.iter().enumerate() {
-            scan.views[i].fit = Some(fits[k]);
+        let agreement = agreement(&geometry, &refined.world_from_camera, &config.consistency);
+        let outsiders = agreement.outsiders(&config.consistency);
+        for (&i, &fit) in used.iter().zip(&agreement.views) {
+            scan.views[i].fit = Some(fit);
         }
-        let Some(worst) = worst else { return take_over(scan, &used, &refined) };
-        let conflict = fits[worst].conflict.unwrap_or(0.0);
-        scan.views[used[worst]].leave_out(LeftOut::DoesNotFit { conflict });
+        if outsiders.is_empty() {
+            return take_over(scan, &used, &refined);
+        }
+        for outsider in outsiders {
+            scan.views[used[outsider.view]].leave_out(LeftOut::DoesNotFit { conflict: outsider.conflict });
+        }
     }
 }
 

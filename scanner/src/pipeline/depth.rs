@@ -50,7 +50,7 @@ pub fn calibrate(scan: &mut Work, config: &Config) {
         calibration.apply_to_samples(&mut samples);
         view.board_samples = samples;
     });
-    warn_of_scale(scan, &calibration);
+    warn_of_scale(scan, &calibration, &prior);
     scan.calibration = calibration;
 }
 
@@ -84,10 +84,18 @@ pub fn correct_as_calibrated(scan: &mut Work, config: &Config) {
     scan.calibration = calibration;
 }
 
-/// A scale far from 1 is as likely a board printed at the wrong size.
-fn warn_of_scale(scan: &mut Work, calibration: &DepthCalibration) {
-    let percent = 100.0 * (calibration.depth_scale() - 1.0);
-    if percent.abs() > 4.0 {
+/// A Kinect's depth is rarely off by more; a printer that fits the sheet to its page makes it smaller by three to seven percent.
+const USUAL_SCALE: f64 = 0.025;
+/// Of a calibrated sensor, so many standard deviations, and at least so much.
+const CALIBRATED_SIGMAS: f64 = 3.0;
+const CALIBRATED_SCALE: f64 = 0.01;
+
+/// A scale that the sensor does not explain is as likely a board printed at the wrong size.
+fn warn_of_scale(scan: &mut Work, calibration: &DepthCalibration, prior: &CalibrationPrior) {
+    let off = calibration.depth_scale() * (1.0 + prior.coefficients[0]) - 1.0;
+    let sensor = CALIBRATED_SIGMAS * prior.standard_deviations[0];
+    if off.abs() > sensor.clamp(CALIBRATED_SCALE, USUAL_SCALE) {
+        let percent = 100.0 * off;
         scan.warnings.push(format!(
             "depth and markers disagree by {percent:.1} %: check with a ruler that the line of 100 mm on the board is 100 mm long, \
              and print at 100 % otherwise"

@@ -93,7 +93,7 @@ fn no_agreement(scan: &Work) -> Option<String> {
     let used = scan.views.iter().filter(|v| v.is_used()).count();
     let off = scan.views.iter().filter(|v| matches!(v.left_out, Some(LeftOut::DoesNotFit { .. }))).count();
     let why = "the views do not fit together: the product or a marker sheet was moved between them; scan again without touching either";
-    (off > used).then(|| why.to_owned())
+    (off >= used.max(1)).then(|| why.to_owned())
 }
 
 fn too_little(model: &Mesh) -> Option<String> {

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use nalgebra::{Matrix6, Vector3, Vector6};
 use reconstruct::cloud::PointCloud;
-use reconstruct::consistency::{agreement, misfit};
+use reconstruct::consistency::agreement;
 use reconstruct::fuse;
 use reconstruct::knn::Tree;
 use reconstruct::pose::{self, Pose};
@@ -113,15 +113,19 @@ impl Merged {
                 }
                 continue;
             }
-            let fits = agreement(&geometry, &refined.world_from_camera, &config.consistency);
-            let worst = misfit(&fits, &config.consistency);
+            let agreement = agreement(&geometry, &refined.world_from_camera, &config.consistency);
             for (k, &i) in used.iter().enumerate() {
                 self.scan.views[i].world_from_camera = Some(refined.world_from_camera[k]);
-                self.scan.views[i].fit = Some(fits[k]);
+                self.scan.views[i].fit = Some(agreement.views[k]);
             }
-            let Some(worst) = worst else { break };
-            let conflict = fits[worst].conflict.unwrap_or(0.0);
-            self.scan.views[used[worst]].leave_out(LeftOut::DoesNotFit { conflict });
+            let outsiders = agreement.outsiders(&config.consistency);
+            if outsiders.is_empty() {
+                break;
+            }
+            for outsider in outsiders {
+                let conflict = outsider.conflict;
+                self.scan.views[used[outsider.view]].leave_out(LeftOut::DoesNotFit { conflict });
+            }
         }
         moved
     }
