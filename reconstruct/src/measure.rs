@@ -6,9 +6,11 @@
 
 mod edge;
 mod end;
+mod unseen;
 
 use edge::edge;
 use end::{End, end};
+pub use unseen::unseen_beyond;
 
 use crate::mesh::Mesh;
 use crate::segment::convex_hull;
@@ -20,6 +22,10 @@ pub struct Dimensions {
     pub metres: [f64; 3],
     /// Half width of the 95 % interval of each, metres.
     pub uncertainty_metres: [f64; 3],
+    /// Unit direction of each in the world.
+    pub directions: [[f64; 3]; 3],
+    /// Whether the height begins at z = 0.
+    pub stands_on_floor: bool,
 }
 
 /// Uncertainty of an edge beside the points' own deviation (standard deviation), metres: rims come out too low or too high by that. Chosen on
@@ -47,13 +53,17 @@ pub fn dimensions(mesh: &Mesh, scale_sd: f64, stands_on_floor: bool) -> Option<D
     let (s, c) = smallest_rectangle_angle(&points.thinned(SEARCHED_POINTS)).sin_cos();
     let side = |x: f64, y: f64| Some([towards([x, y, 0.0])?, towards([-x, -y, 0.0])?]);
     let (mut sides, height) = ([side(c, s)?, side(-s, c)?], [up, floor]);
+    let mut directions = [[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]];
     if length(&sides[0]) < length(&sides[1]) {
         sides.swap(0, 1);
+        directions.swap(0, 1);
     }
     let all = [sides[0], sides[1], height];
     Some(Dimensions {
         metres: all.map(|ends| length(&ends)),
         uncertainty_metres: all.map(|ends| uncertainty(&ends, scale_sd)),
+        directions,
+        stands_on_floor,
     })
 }
 

@@ -1,6 +1,6 @@
 //! Last stage: the result is measured and judged in words.
 
-use reconstruct::measure::{Dimensions, dimensions};
+use reconstruct::measure::{Dimensions, dimensions, unseen_beyond};
 use reconstruct::mesh::Mesh;
 use reconstruct::pose;
 use reconstruct::report::surface::describe;
@@ -33,7 +33,8 @@ pub fn judge(
     let surface = if failure.is_some() { Surface::default() } else { surface };
     let cloud = surface.mesh.measured();
     let scale_sd = scale_sd(scan.calibration.standard_deviations[0]);
-    let size = dimensions(&surface.mesh, scale_sd, scan.up_is_known);
+    let mut size = dimensions(&surface.mesh, scale_sd, scan.up_is_known);
+    warnings.extend(size.as_mut().and_then(|size| allow_for_unseen(size, &surface.mesh, scan)));
     let left_out = scan.views.iter().filter(|v| !v.is_used()).count();
     if failure.is_none() {
         warnings.extend(
@@ -99,6 +100,24 @@ fn no_agreement(scan: &Work) -> Option<String> {
 fn too_little(model: &Mesh) -> Option<String> {
     let why = "hardly any surface was measured: dark, shiny and transparent things give no depth; try more light, a nearer camera (0.6 to 0.9 m) or a dusting of powder";
     (model.vertices.len() < MIN_POINTS).then(|| why.to_owned())
+}
+
+/// Where the product may go on unseen, its size may be larger by that much, at least.
+fn allow_for_unseen(size: &mut Dimensions, model: &Mesh, scan: &Work) -> Option<String> {
+    let unseen = unseen_beyond(model, size, &scan.placed_views());
+    for (uncertainty, beyond) in size.uncertainty_metres.iter_mut().zip(unseen) {
+        *uncertainty += beyond;
+    }
+    let named = ["length", "width", "height"].into_iter().zip(unseen).filter(|(_, beyond)| *beyond > 0.0);
+    let larger: Vec<String> =
+        named.map(|(name, beyond)| format!("the {name} by {:.0} mm or more", beyond * 1000.0)).collect();
+    (!larger.is_empty()).then(|| {
+        format!(
+            "one end of the product was never seen, so it may be larger than measured: {}; another view from that side would \
+             show it",
+            larger.join(", ")
+        )
+    })
 }
 
 fn implausible_size(size: &Dimensions) -> Option<String> {
