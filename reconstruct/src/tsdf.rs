@@ -43,6 +43,10 @@ const MAX_WEIGHT: f32 = 255.0;
 /// then exact in single precision.
 const MIDDLE: i32 = 1 << 19;
 
+/// Added to a number below it, this leaves a whole one in the last bits: a conversion without the checks that a cast has. Pictures have
+/// fewer pixels.
+const WHOLE: f32 = 8_388_608.0;
+
 #[derive(Debug, Clone)]
 struct Block {
     distance: [f32; CORNERS],
@@ -89,10 +93,11 @@ impl Volume {
         self.blocks.len()
     }
 
-    /// Averages a picture in. Pictures of another size than their camera's are left aside.
+    /// Averages a picture in. Pictures of another size than their camera's, or of more than eight million pixels, are left aside.
     pub fn integrate(&mut self, picture: &DepthPicture) {
         let camera = picture.camera;
-        if picture.depth_metres.len() != camera.width as usize * camera.height as usize {
+        let pixels = camera.width as usize * camera.height as usize;
+        if picture.depth_metres.len() != pixels || pixels >= WHOLE as usize {
             return;
         }
         let mut touched = vec![false; self.blocks.len()];
@@ -239,12 +244,13 @@ fn update_row(
         let at = i as f32;
         z[i] = row[2] + at * step[2];
         let inverse = 1.0 / z[i].max(1e-6);
-        let u = (row[0] + at * step[0]) * inverse * projection.focal[0] + projection.middle[0] + 0.5;
-        let v = (row[1] + at * step[1]) * inverse * projection.focal[1] + projection.middle[1] + 0.5;
-        let ok = (u >= 0.0) & (u < width) & (v >= 0.0) & (v < height) & (z[i] > 0.0);
-        inside[i] = f32::from(u8::from(ok));
-        let (u, v) = (u.clamp(0.0, width - 1.0) as u32, v.clamp(0.0, height - 1.0) as u32);
-        pixel[i] = v * camera.width + u;
+        let u = (row[0] + at * step[0]) * inverse * projection.focal[0] + projection.middle[0];
+        let v = (row[1] + at * step[1]) * inverse * projection.focal[1] + projection.middle[1];
+        let ok = (u >= -0.5) & (u < width - 0.5) & (v >= -0.5) & (v < height - 0.5) & (z[i] > 0.0);
+        inside[i] = if ok { 1.0 } else { 0.0 };
+        let whole = |x: f32, end: f32| (x.clamp(0.0, end - 1.0) + WHOLE) - WHOLE;
+        pixel[i] =
+            (whole(v, height) * width + whole(u, width) + WHOLE).to_bits().wrapping_sub(WHOLE.to_bits());
     }
     let mut depth = [0.0f32; SIDE];
     for i in 0..SIDE {
@@ -254,7 +260,7 @@ fn update_row(
         let d = depth[i];
         let signed = d - z[i];
         let seen = (d > 0.0) & (d < config.max_depth_metres) & (signed > -config.truncation_metres);
-        let w = inside[i] * f32::from(u8::from(seen));
+        let w = if seen { inside[i] } else { 0.0 };
         let cut = signed.min(config.truncation_metres);
         let sum = weight[i] + w;
         let mean = (distance[i] * weight[i] + cut * w) / sum.max(1.0);

@@ -75,6 +75,5 @@ fn run(bench: &Bench) -> anyhow::Result<()> {
     tags::run(bench)?;
     volume::run(bench)?;
     poisson::run(bench)?;
-    scaling::run(bench);
-    Ok(())
+    scaling::run(bench)
 }

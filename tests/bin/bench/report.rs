@@ -52,7 +52,7 @@ const GROUPS: [Group; 12] = [
     Group { title: "Global registration", name: "global", starts: &["global"] },
     Group { title: "Fine registration", name: "fine", starts: &["icp", "gicp", "pair surfels", "one round"] },
     Group { title: "Tag detection", name: "tags", starts: &["ARUCO", "AprilTag"] },
-    Group { title: "Growth with the number of points", name: "scaling", starts: &["scaling"] },
+    Group { title: "Growth with the number of points and views", name: "scaling", starts: &["scaling"] },
 ];
 
 /// One of our stages beside the peers'.
