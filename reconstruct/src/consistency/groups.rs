@@ -25,7 +25,9 @@ pub(super) fn groups(count: usize, shared: impl Fn(usize, usize) -> Shared, boun
         groups[i].extend(joined);
         merge(&mut ties, i, j);
     }
-    groups.iter_mut().for_each(|group| group.sort_unstable());
+    for group in &mut groups {
+        group.sort_unstable();
+    }
     groups.sort_by(|a, b| b.len().cmp(&a.len()).then(a.cmp(b)));
     groups
 }
