@@ -2,12 +2,15 @@
 //!
 //! Scan k uses seed + k, so a failure is repeated by `--scans 1 --seed SEED`, or written to disk by
 //! `scan-product simulate --random --seed SEED --out DIR`. A scan succeeds where every used view's pose displaces the product by at
-//! most 2 mm and half of the model's cells of 1 mm lie within 1 mm of the true surface.
+//! most 2 mm and half of the model's cells of 1 mm lie within 1 mm of the true surface. More scans have one view before which the product was
+//! knocked: it must be named, and no other.
 
 use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Parser;
+use nalgebra::Point3;
+use reconstruct::knn::Tree;
 use reconstruct::measure::extent;
 use reconstruct::pose::from_row_major;
 use scanner::config::Config;
@@ -25,6 +28,14 @@ const OUTLIER: f32 = 0.003;
 /// Farther is background, metres.
 const BACKGROUND: f32 = 0.010;
 
+/// Of the pixels in each direction, one in so many is asked for the product.
+const PIXEL_STEP: usize = 4;
+/// Such a pixel shows the product: higher than this above the board and nearer than that to the true surface, metres.
+const ABOVE_BOARD: f32 = 0.005;
+const ON_SURFACE: f32 = 0.003;
+/// The model has it if it has a point so near, metres.
+const HAS_POINT: f32 = 0.005;
+
 /// Takes one figure from a scan.
 type Figure = fn(&Judged) -> f64;
 
@@ -37,6 +48,9 @@ struct Args {
     /// Seed of the first scan; the others follow
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Number of scans with a knocked view
+    #[arg(long, default_value_t = 60)]
+    knocked: u64,
     /// Write every scan's figures to this file
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -65,6 +79,8 @@ struct Judged {
     size_metres: [f64; 3],
     coverage_percent: f64,
     background_percent: f64,
+    /// Of the pixels that show the product, those of which the model has a point nearby.
+    kept_percent: f64,
     scale_found: f64,
     good: bool,
     reason: String,
@@ -81,6 +97,7 @@ fn main() -> anyhow::Result<()> {
         all.push(judged);
     }
     print_summary(&all);
+    print_knocked(args.seed, args.knocked)?;
     if let Some(path) = &args.json {
         std::fs::write(path, serde_json::to_vec_pretty(&all)?)?;
     }
@@ -136,6 +153,7 @@ fn judge(scan: &SimulatedScan, built: &pipeline::Scan, simulate_ms: u128, build_
         size_metres: truth,
         coverage_percent: built.report.surface.as_ref().map_or(0.0, |s| s.coverage_percent),
         background_percent: 100.0 * background as f64 / errors.len().max(1) as f64,
+        kept_percent: kept_percent(scan, &built.model.measured().points),
         scale_found: built.report.depth_calibration.scale,
         // Not a number where nothing was built: no success.
         good: pose_max <= POSE_LIMIT_MM && surface_median <= SURFACE_LIMIT_MM,
@@ -143,6 +161,61 @@ fn judge(scan: &SimulatedScan, built: &pipeline::Scan, simulate_ms: u128, build_
         simulate_ms,
         build_ms,
     }
+}
+
+/// Pixels whose true place lies on the product's surface, well above the board, and how many of them the model has.
+fn kept_percent(scan: &SimulatedScan, model: &[[f32; 3]]) -> f64 {
+    let Some(surface) = Surface::of(&scan.truth.mesh) else { return f64::NAN };
+    let tree = Tree::new(model);
+    let rays = scan.rig.depth.ray_table();
+    let width = scan.rig.depth.width as usize;
+    let (mut product, mut kept) = (0usize, 0usize);
+    for (view, world_from_camera) in scan.views.iter().zip(&scan.truth.world_from_camera) {
+        let depth = &view.depths[0];
+        for i in (0..depth.data.len()).filter(|i| i % width % PIXEL_STEP == 0 && i / width % PIXEL_STEP == 0)
+        {
+            // As the sensor would read it were its scale right.
+            let z = f64::from(depth.data[i]) / depth.units_per_metre / (1.0 + scan.spec.scale_error);
+            let [x, y] = rays[i].map(f64::from);
+            let place: [f32; 3] = (world_from_camera * Point3::new(x * z, y * z, z)).cast::<f32>().into();
+            if z <= 0.0 || place[2] < ABOVE_BOARD || surface.distance(place) > ON_SURFACE {
+                continue;
+            }
+            product += 1;
+            kept += usize::from(tree.nearest_within(&place, HAS_POINT).is_some());
+        }
+    }
+    100.0 * kept as f64 / product.max(1) as f64
+}
+
+/// Scans in which the product was knocked before one view: how often that view is named, and how often another.
+fn print_knocked(seed: u64, scans: u64) -> anyhow::Result<()> {
+    let (mut named, mut others) = (0, 0);
+    for seed in seed..seed.saturating_add(scans) {
+        let spec = ScanSpec::random(seed);
+        let knocked = seed as usize % spec.views;
+        let scan = scan(&ScanSpec { knock: Some(knocked), ..spec })?;
+        let built = pipeline::build(&scan, &Config::default(), &Ui::silent())?;
+        let left_out = |view: usize| !built.report.views[view].used;
+        named += usize::from(left_out(knocked));
+        let wrong = (0..built.report.views.len()).filter(|&view| view != knocked && left_out(view)).count();
+        others += usize::from(wrong > 0);
+        let words = if left_out(knocked) { "named" } else { "NOT NAMED" };
+        eprintln!(
+            "{seed:>5} {:10} view {knocked} knocked: {words}, {wrong} others",
+            scan.spec.product.name()
+        );
+    }
+    let percent = |count: usize| 100.0 * count as f64 / scans.max(1) as f64;
+    let (low, high) = wilson(named, scans as usize);
+    println!(
+        "a knocked view is named: {named} of {scans} = {:.1} % (95 % interval {:.1} to {:.1} %); another one too: {:.1} %",
+        percent(named),
+        100.0 * low,
+        100.0 * high,
+        percent(others),
+    );
+    Ok(())
 }
 
 fn line(j: &Judged) -> String {
@@ -169,7 +242,7 @@ fn line(j: &Judged) -> String {
 
 fn print_summary(all: &[Judged]) {
     println!("{:24} {:>8} {:>8} {:>8}", "over all scans", "median", "p95", "worst");
-    let figures: [(&str, Figure); 12] = [
+    let figures: [(&str, Figure); 13] = [
         ("pose median, mm", |j| j.pose_median),
         ("pose worst view, mm", |j| j.pose_max),
         ("pose worst view, degrees", |j| j.degrees_max),
@@ -177,6 +250,7 @@ fn print_summary(all: &[Judged]) {
         ("surface p95, mm", |j| j.surface_p95),
         ("outliers, percent", |j| j.outlier_percent),
         ("background left, percent", |j| j.background_percent),
+        ("product lost, percent", |j| 100.0 - j.kept_percent),
         ("coverage stated, percent", |j| j.coverage_percent),
         ("length error, mm", |j| j.size_error[0].abs()),
         ("width error, mm", |j| j.size_error[1].abs()),
