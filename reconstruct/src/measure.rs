@@ -1,11 +1,13 @@
 //! The product's size, honestly: length, width and height with what they may be off (95 %).
 //!
-//! World frame, z up, metres. Length and width are the sides of the smallest rectangle around the product seen from above.
+//! World frame, z up, metres. Length and width are the sides of the smallest rectangle around the product seen from above; where it is
+//! round, both are its mean diameter.
 //! Extremes of noisy points grow with the noise and with the number of points, so each end is taken from how the points thin out
 //! towards it, given the noise they are stated to have.
 
 mod edge;
 mod end;
+mod round;
 mod unseen;
 
 use edge::edge;
@@ -50,7 +52,8 @@ pub fn dimensions(mesh: &Mesh, scale_sd: f64, stands_on_floor: bool) -> Option<D
     let towards = |direction: [f64; 3]| end(&points.along(direction), &points.deviations);
     let up = towards([0.0, 0.0, 1.0])?;
     let floor = if stands_on_floor { BOARD } else { towards([0.0, 0.0, -1.0])? };
-    let (s, c) = smallest_rectangle_angle(&points.thinned(SEARCHED_POINTS)).sin_cos();
+    let searched = points.thinned(SEARCHED_POINTS);
+    let (s, c) = smallest_rectangle_angle(&searched).sin_cos();
     let side = |x: f64, y: f64| Some([towards([x, y, 0.0])?, towards([-x, -y, 0.0])?]);
     let (mut sides, height) = ([side(c, s)?, side(-s, c)?], [up, floor]);
     let mut directions = [[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]];
@@ -59,8 +62,13 @@ pub fn dimensions(mesh: &Mesh, scale_sd: f64, stands_on_floor: bool) -> Option<D
         directions.swap(0, 1);
     }
     let all = [sides[0], sides[1], height];
+    let mut metres = all.map(|ends| length(&ends));
+    if round::is_round(|x, y| edge(&searched.along([x, y, 0.0]), &searched.deviations)) {
+        let diameter = round::diameter(|x, y| Some(length(&side(x, y)?)))?;
+        metres = [diameter, diameter, metres[2]];
+    }
     Some(Dimensions {
-        metres: all.map(|ends| length(&ends)),
+        metres,
         uncertainty_metres: all.map(|ends| uncertainty(&ends, scale_sd)),
         directions,
         stands_on_floor,
