@@ -2,7 +2,7 @@
 //!
 //! For every pair of views (of many views, each with an even choice of the others), each point of one is held against the depth that the other sees in its direction (metres): it
 //! agrees, it is hidden, or it contradicts, standing where the other view sees through. Views that agree make a group (`groups`); those that
-//! contradict the largest group do not fit.
+//! contradict a larger group do not fit.
 
 mod groups;
 
@@ -26,7 +26,7 @@ pub struct ConsistencyConfig {
     pub min_common: usize,
     /// Views with a larger share of contradicting points do not belong together ...
     pub max_conflict: f64,
-    /// ... if that is also this many times the middle share of all views.
+    /// ... if that is also this many times what a quarter of the pairs stays below; 15 % are never taken for noise.
     pub max_ratio: f64,
     /// Points looked at a view.
     pub samples: usize,
@@ -107,23 +107,35 @@ pub fn agreement(views: &[&DepthView], world_from_camera: &[Pose], config: &Cons
 }
 
 impl Agreement {
-    /// The group of views that contradicts the largest one most; empty where none does. Views that share nothing with it do not contradict it.
+    /// The group of views that contradicts a larger one most; empty where none does. Views that share nothing do not contradict each other.
     pub fn outsiders(&self, config: &ConsistencyConfig) -> Vec<Outsider> {
         let n = self.views.len();
-        let usual = middle(&mut self.views.iter().filter_map(|f| f.conflict).collect::<Vec<f64>>());
-        // A moved product can make half of the views contradict, so what is usual never grows far.
-        let bound = config.max_conflict.max(config.max_ratio * usual.unwrap_or(0.0)).min(MOST_CONFLICT);
+        let bound = config.max_conflict.max(config.max_ratio * self.usual_conflict()).min(MOST_CONFLICT);
         let groups = groups::groups(n, |i, j| self.shared[i * n + j], bound);
-        let Some((kept, others)) = groups.split_first() else { return Vec::new() };
-        let against = |views: &[usize]| {
-            let pairs = views.iter().flat_map(|&i| kept.iter().map(move |&j| self.shared[i * n + j]));
-            let (common, conflicts) = pairs.fold((0, 0), |(a, b), s| (a + s.common, b + s.conflicts));
-            conflicts as f64 / common.max(1) as f64
-        };
-        let worst = others.iter().max_by(|a, b| against(a).total_cmp(&against(b)).then(b.cmp(a)));
-        let worst = worst.filter(|group| against(group) > bound);
-        let outsider = |&view: &usize| Outsider { view, conflict: against(&[view]) };
-        worst.map_or_else(Vec::new, |group| group.iter().map(outsider).collect())
+        let pairs = (0..groups.len()).flat_map(|j| (0..j).map(move |i| (i, j)));
+        let conflict = |(i, j): (usize, usize)| self.conflict(&groups[j], &groups[i]).unwrap_or(0.0);
+        let worst = pairs.max_by(|&a, &b| conflict(a).total_cmp(&conflict(b)).then(b.cmp(&a)));
+        let Some((kept, out)) = worst.filter(|&pair| conflict(pair) > bound) else { return Vec::new() };
+        // A view in the middle of the group may share nothing with the others itself.
+        let of_view =
+            |view: usize| self.conflict(&[view], &groups[kept]).unwrap_or_else(|| conflict((kept, out)));
+        groups[out].iter().map(|&view| Outsider { view, conflict: of_view(view) }).collect()
+    }
+
+    /// Share of what views have in common with others that contradicts them; `None` where that is nothing.
+    fn conflict(&self, views: &[usize], others: &[usize]) -> Option<f64> {
+        let n = self.views.len();
+        let pairs = views.iter().flat_map(|&i| others.iter().map(move |&j| self.shared[i * n + j]));
+        let (common, conflicts) = pairs.fold((0, 0), |(a, b), s| (a + s.common, b + s.conflicts));
+        (common > 0).then(|| conflicts as f64 / common as f64)
+    }
+
+    /// The share that a quarter of the pairs stays below: a product that was moved makes up to half of them contradict.
+    fn usual_conflict(&self) -> f64 {
+        let share = |s: &Shared| (s.common > 0).then(|| s.conflicts as f64 / s.common as f64);
+        let mut shares: Vec<f64> = self.shared.iter().filter_map(share).collect();
+        shares.sort_unstable_by(f64::total_cmp);
+        shares.get(shares.len() / 4).copied().unwrap_or(0.0)
     }
 }
 

@@ -2,7 +2,8 @@
 //!
 //! World frame, metres. Points that other views see through are carved away; the rest is thinned to a voxel grid that
 //! keeps the two sides of a thin wall apart, and every remaining point is moved along its normal onto the weighted mean
-//! of its neighbours facing the same way (a moving-least-squares step, Levin 2004), which averages the views' noise.
+//! of its neighbours facing the same way (a moving-least-squares step, Levin 2004), which averages the views' noise. Its colour is that of
+//! the pixels beside it.
 
 mod clean;
 mod color;

@@ -32,7 +32,7 @@ pub struct Dimensions {
 
 /// Uncertainty of an edge beside the points' own deviation (standard deviation), metres: rims come out too low or too high by that. Chosen on
 /// simulated scans so that nineteen of twenty sizes lie within what is stated.
-const EDGE_SD_METRES: f64 = 0.00035;
+const EDGE_SD_METRES: f64 = 0.0003;
 /// Part of the deviation that all points of an edge share.
 const SHARED_DEVIATION: f64 = 0.5;
 /// Deviation of points of which nothing is known, metres.

@@ -161,7 +161,7 @@ pub enum LeftOut {
     OutsideRegion,
     /// The surface does not match the other views'.
     DoesNotFit {
-        /// Share of its points that contradict the other views.
+        /// Share of the points it has in common with the views that agree most, which contradict them.
         conflict: f64,
     },
     /// No other view shares enough surface to place this one.
@@ -219,7 +219,7 @@ impl std::fmt::Display for LeftOut {
             Self::DoesNotFit { conflict } => write!(
                 f,
                 "the product stands differently here than in the other views ({:.0} % of the surface contradicts them): it was \
-                 probably knocked or turned; take this view again",
+                 probably knocked or turned before this view; put it back as it stood and take this view again",
                 conflict * 100.0
             ),
             Self::NoOverlap => {

@@ -172,8 +172,9 @@ fn kept_percent(scan: &SimulatedScan, model: &[[f32; 3]]) -> f64 {
     let (mut product, mut kept) = (0usize, 0usize);
     for (view, world_from_camera) in scan.views.iter().zip(&scan.truth.world_from_camera) {
         let depth = &view.depths[0];
-        for i in (0..depth.data.len()).filter(|i| i % width % PIXEL_STEP == 0 && i / width % PIXEL_STEP == 0)
-        {
+        let is_asked =
+            |i: &usize| (i % width).is_multiple_of(PIXEL_STEP) && (i / width).is_multiple_of(PIXEL_STEP);
+        for i in (0..depth.data.len()).filter(is_asked) {
             // As the sensor would read it were its scale right.
             let z = f64::from(depth.data[i]) / depth.units_per_metre / (1.0 + scan.spec.scale_error);
             let [x, y] = rays[i].map(f64::from);
@@ -196,7 +197,8 @@ fn print_knocked(seed: u64, scans: u64) -> anyhow::Result<()> {
         let knocked = seed as usize % spec.views;
         let scan = scan(&ScanSpec { knock: Some(knocked), ..spec })?;
         let built = pipeline::build(&scan, &Config::default(), &Ui::silent())?;
-        let left_out = |view: usize| !built.report.views[view].used;
+        let moved = |reason: &String| reason.contains("stands differently");
+        let left_out = |view: usize| built.report.views[view].reason.as_ref().is_some_and(moved);
         named += usize::from(left_out(knocked));
         let wrong = (0..built.report.views.len()).filter(|&view| view != knocked && left_out(view)).count();
         others += usize::from(wrong > 0);

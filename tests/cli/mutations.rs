@@ -95,7 +95,7 @@ fn a_board_printed_at_another_size_is_noticed() {
         let (_, ran) = printed(factor);
         assert!(matches!(ran.status, Some(0 | 1)), "{ran:?}");
         let said = format!("{}{}", ran.out, ran.err);
-        assert!(said.contains("100 %"), "{factor}: {said}");
+        assert!(said.contains("print at 100 %") || said.contains("printed at 100 %"), "{factor}: {said}");
     }
 }
 

@@ -1,6 +1,6 @@
 //! Views that agree make a group; what was moved between two views splits them in two.
 //!
-//! Correlation clustering, greedily: two groups become one as long as what their views share agrees more than it contradicts.
+//! Correlation clustering, greedily: two groups become one as long as the share of what contradicts between them stays below a bound.
 
 /// What two views have in common, both ways.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

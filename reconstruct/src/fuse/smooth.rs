@@ -54,7 +54,8 @@ pub(super) fn smooth(
     let per_radius2 = 4.0 / radius2;
     let per_voxel2 = 1.0 / (config.voxel_metres * config.voxel_metres);
     for pass in 0..2 {
-        let (mut patch, mut support, mut colors) = (Patch::default(), 0.0, ([0.0f32; 3], 1e-9f32));
+        let (mut patch, mut support, mut colors) =
+            (Patch::default(), 0.0, (seed.color.map(|c| 1e-9 * c), 1e-9f32));
         spread = Spread::default();
         near.around(&point, |i| {
             let s = &spots[i];

@@ -1,6 +1,6 @@
 //! Thinning: what lies in a voxel and faces the same way becomes one.
 //!
-//! A spot carries what the smoothing needs of the samples it stands for, so that the work after it grows with the product's surface
+//! A spot carries what the smoothing needs of the samples it stands for, so that the smoothing's work grows with the product's surface
 //! and hardly with the number of views.
 
 use rayon::prelude::*;
@@ -22,7 +22,7 @@ pub(super) struct Spot {
     pub squared_weight: f32,
     /// Of the samples along the normal, square metres.
     pub variance: f32,
-    /// One bit a view; the 64 first are told apart.
+    /// One bit a view, modulo 64.
     pub views: u64,
 }
 

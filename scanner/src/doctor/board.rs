@@ -85,7 +85,7 @@ fn scale(work: &Work) -> Option<Finding> {
         ..=SCALE_USUAL => (Level::Green, "; every scan corrects that."),
         ..=SCALE_ANY => (
             Level::Yellow,
-            "; every scan on the board corrects that, and `scan-product calibrate` does so for scans without one.",
+            "; every scan on the board corrects that, and `scan-product calibrate` does so for scans without one. Check with a ruler that the line of 100 mm on the board is 100 mm long.",
         ),
         _ => (
             Level::Red,

@@ -84,7 +84,8 @@ pub fn correct_as_calibrated(scan: &mut Work, config: &Config) {
     scan.calibration = calibration;
 }
 
-/// A Kinect's depth is rarely off by more; a printer that fits the sheet to its page makes it smaller by three to seven percent.
+/// Some Kinects' depth is off by more, but a printer that fits the sheet to its page makes it smaller by three to seven percent, and a look at
+/// the ruler costs little.
 const USUAL_SCALE: f64 = 0.025;
 /// Of a calibrated sensor, so many standard deviations, and at least so much.
 const CALIBRATED_SIGMAS: f64 = 3.0;

@@ -74,11 +74,16 @@ pub fn judge(
 pub fn measured_again(report: &Report, model: &Mesh) -> Report {
     let cloud = model.measured();
     let surface = |holes| describe(&Surface { mesh: model.clone(), holes });
+    // What no view saw stays unseen, whatever is cut off elsewhere.
+    let before = report.dimensions_uncertainty_m.unwrap_or_default();
+    let unsure_as_before = |now: [f64; 3]| std::array::from_fn(|k| f64::max(now[k], before[k]));
     let size = dimensions(model, scale_sd(report.depth_calibration.scale_sd), true);
     Report {
         points: cloud.len(),
         dimensions_m: size.map(|s| s.metres.map(|v| round(v, 1e5))),
-        dimensions_uncertainty_m: size.map(|s| s.uncertainty_metres.map(|v| round(v, 1e5))),
+        dimensions_uncertainty_m: size
+            .map(|s| s.uncertainty_metres.map(|v| round(v, 1e5)))
+            .map(unsure_as_before),
         surface: report.surface.as_ref().map(|s| surface(s.holes.clone())),
         ..report.clone()
     }
@@ -89,7 +94,7 @@ fn scale_sd(calibration_sd: f64) -> f64 {
     (calibration_sd.min(0.01).powi(2) + PRINT_SCALE_SD.powi(2)).sqrt()
 }
 
-/// Where most views contradict each other, none of them can be believed.
+/// Where half of the views contradict the others, nobody can tell which to believe.
 fn no_agreement(scan: &Work) -> Option<String> {
     let used = scan.views.iter().filter(|v| v.is_used()).count();
     let off = scan.views.iter().filter(|v| matches!(v.left_out, Some(LeftOut::DoesNotFit { .. }))).count();
@@ -102,8 +107,12 @@ fn too_little(model: &Mesh) -> Option<String> {
     (model.vertices.len() < MIN_POINTS).then(|| why.to_owned())
 }
 
-/// Where the product may go on unseen, its size may be larger by that much, at least.
+/// Where the product may go on unseen, its size may be larger by that much, at least. Where nothing stands around it, views that look past it
+/// have no depth to tell so.
 fn allow_for_unseen(size: &mut Dimensions, model: &Mesh, scan: &Work) -> Option<String> {
+    if !scan.up_is_known {
+        return None;
+    }
     let unseen = unseen_beyond(model, size, &scan.placed_views());
     for (uncertainty, beyond) in size.uncertainty_metres.iter_mut().zip(unseen) {
         *uncertainty += beyond;
@@ -113,8 +122,7 @@ fn allow_for_unseen(size: &mut Dimensions, model: &Mesh, scan: &Work) -> Option<
         named.map(|(name, beyond)| format!("the {name} by {:.0} mm or more", beyond * 1000.0)).collect();
     (!larger.is_empty()).then(|| {
         format!(
-            "one end of the product was never seen, so it may be larger than measured: {}; another view from that side would \
-             show it",
+            "not every end of the product was seen, so it may be larger than measured: {}; another view from there would show it",
             larger.join(", ")
         )
     })
