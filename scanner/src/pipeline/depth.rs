@@ -15,6 +15,8 @@ use crate::config::Config;
 
 /// White paper around a tag belongs to the board as far as this many times the tag's half side.
 const TAG_SURROUNDINGS: f64 = 1.35;
+/// No sensor errs by more than this part of the distance.
+pub(super) const MOST_OFF: f64 = 0.08;
 /// In the second pass, pixels whose disparity is off by less than this are taken for the board.
 const SECOND_GATE_PX: f64 = 0.25;
 
@@ -159,8 +161,8 @@ fn sample(view: &View, world_from_camera: &Pose, rig: &Rig, (u, v): (usize, usiz
     let pixel = [u as f64, v as f64];
     let expected =
         calibrate::board_disparity(&rig.color, world_from_camera, pixel, view.disparity.focal_baseline)?;
-    // Farther off than any sensor errs: something stands in front.
-    if (f64::from(measured_px) / expected - 1.0).abs() > 0.08 {
+    // Something stands in front.
+    if (f64::from(measured_px) / expected - 1.0).abs() > MOST_OFF {
         return None;
     }
     Some(BoardSample { pixel: [u as f32, v as f32], measured_px, expected_px: expected as f32 })

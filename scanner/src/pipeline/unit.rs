@@ -5,8 +5,8 @@ use reconstruct::board::KnownBoard;
 
 use super::load::{View, Work};
 
-/// No sensor errs by more than this part of the distance.
-const MAX_RELATIVE_ERROR: f64 = 0.15;
+/// No sensor errs by more than this part of the distance; the calibration does not look farther either.
+const MAX_RELATIVE_ERROR: f64 = super::depth::MOST_OFF;
 /// Fewer markers with depth say nothing.
 const MIN_MARKERS: usize = 6;
 
