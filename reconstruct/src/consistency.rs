@@ -1,8 +1,8 @@
 //! Do the views agree? A product that was knocked in one view stands elsewhere there, and so does its surface.
 //!
-//! For every pair of views (of many views, each with an even choice of the others), each point of one is held against the depth that the other sees in its direction (metres): it
-//! agrees, it is hidden, or it contradicts, standing where the other view sees through. Views that agree make a group (`groups`); those that
-//! contradict a larger group do not fit.
+//! For every pair of views (of many views, each with an even choice of the others), each point of one is held against the
+//! depth that the other sees in its direction (metres): it agrees, it is hidden, or it contradicts, standing where the other
+//! view sees through. Views that agree make a group (`groups`); those that contradict a larger group do not fit.
 
 mod groups;
 
@@ -77,7 +77,7 @@ pub struct Agreement {
 pub struct Outsider {
     /// Its index.
     pub view: usize,
-    /// Share of the points it has in common with the largest group that contradict it.
+    /// Share of the points in common with the group it contradicts that do not agree; its own group's where it has none itself.
     pub conflict: f64,
 }
 

@@ -161,7 +161,7 @@ pub enum LeftOut {
     OutsideRegion,
     /// The surface does not match the other views'.
     DoesNotFit {
-        /// Share of the points it has in common with the views that agree most, which contradict them.
+        /// Share of the points it has in common with the views that agree, which contradict them.
         conflict: f64,
     },
     /// No other view shares enough surface to place this one.

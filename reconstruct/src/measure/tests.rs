@@ -40,6 +40,24 @@ fn a_turned_box_has_its_own_sizes_however_noisy() {
     }
 }
 
+/// A can of 80 mm whose wall is seen 0.3 mm farther out in two directions, as the views' own errors make it.
+#[test]
+fn what_is_round_has_one_diameter() {
+    let points: Vec<[f32; 3]> = (0..360 * 100)
+        .map(|i| {
+            let (s, c) = ((i % 360) as f32).to_radians().sin_cos();
+            let radius = 0.04 + 0.0003 * (c * c - s * s);
+            [radius * c, radius * s, 0.001 * (i / 360 + 1) as f32]
+        })
+        .collect();
+    let deviations_metres = vec![0.0002; points.len()];
+    let vertices = PointCloud { points, ..PointCloud::default() };
+    let [length, width, _] =
+        dimensions(&Mesh { vertices, triangles: Vec::new(), deviations_metres }, 0.001, true).unwrap().metres;
+    // The smallest rectangle would be 0.0806 x 0.0794.
+    assert!(length == width && (length - 0.08).abs() < 0.0003, "{length} {width}");
+}
+
 #[test]
 fn invented_vertices_are_not_measured() {
     let mut mesh = noisy_box(0.0003, 20_000);
