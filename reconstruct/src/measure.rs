@@ -7,6 +7,7 @@
 
 mod edge;
 mod end;
+mod rectangle;
 mod round;
 mod unseen;
 
@@ -32,7 +33,7 @@ pub struct Dimensions {
 
 /// Uncertainty of an edge beside the points' own deviation (standard deviation), metres: rims come out too low or too high by that. Chosen on
 /// simulated scans so that nineteen of twenty sizes lie within what is stated.
-const EDGE_SD_METRES: f64 = 0.0003;
+const EDGE_SD_METRES: f64 = 0.000_26;
 /// Part of the deviation that all points of an edge share.
 const SHARED_DEVIATION: f64 = 0.5;
 /// Deviation of points of which nothing is known, metres.
@@ -121,27 +122,14 @@ impl Measured {
     }
 }
 
-/// Direction of one side of the smallest rectangle around the points seen from above, radians: directions are tried every three
-/// degrees, then ever finer around the best.
+/// Direction of one side of the smallest rectangle around the points seen from above, radians.
 fn smallest_rectangle_angle(points: &Measured) -> f64 {
     let area = |angle: f64| {
         let (s, c) = angle.sin_cos();
         let end = |x: f64, y: f64| edge(&points.along([x, y, 0.0]), &points.deviations).unwrap_or(0.0);
         (end(c, s) + end(-c, -s)) * (end(-s, c) + end(s, -c))
     };
-    let mut best = (f64::INFINITY, 0.0);
-    let mut middle = 0.0;
-    for (step, count) in [(3.0f64, 15i32), (0.6, 5), (0.12, 5)] {
-        for k in -count..=count {
-            let angle = middle + f64::from(k) * step.to_radians();
-            let area = area(angle);
-            if area < best.0 {
-                best = (area, angle);
-            }
-        }
-        middle = best.1;
-    }
-    middle
+    rectangle::smallest(area)
 }
 
 /// Length, width and height above z = 0 of exact points: the sides of the smallest rectangle around them from above.

@@ -5,8 +5,8 @@
 const DIRECTIONS: usize = 24;
 /// Of those, the diameter is the mean of every second one.
 const AVERAGED: usize = DIRECTIONS / 2;
-/// Widths of something round differ by no more than what noise makes, metres ...
-const MOST_RANGE_METRES: f64 = 0.003;
+/// Widths of something round differ from their mean by no more than what noise makes (root mean square), metres ...
+const MOST_RMS_METRES: f64 = 0.000_85;
 /// ... and it is hardly longer in one direction than across: half of the difference, metres.
 const MOST_OVAL_METRES: f64 = 0.001;
 
@@ -15,7 +15,7 @@ pub(super) fn is_round(end: impl Fn(f64, f64) -> Option<f64>) -> bool {
     let width = |x: f64, y: f64| Some(end(x, y)? + end(-x, -y)?);
     let Some(widths) = widths(DIRECTIONS, width) else { return false };
     let mean = widths.iter().sum::<f64>() / DIRECTIONS as f64;
-    let (low, high) = widths.iter().fold((f64::MAX, f64::MIN), |(l, h), &w| (l.min(w), h.max(w)));
+    let rms = (widths.iter().map(|w| (w - mean).powi(2)).sum::<f64>() / DIRECTIONS as f64).sqrt();
     // The widths' second harmonic: half of what an ellipse is longer than wide.
     let (mut cosine, mut sine) = (0.0, 0.0);
     for (k, width) in widths.iter().enumerate() {
@@ -24,7 +24,7 @@ pub(super) fn is_round(end: impl Fn(f64, f64) -> Option<f64>) -> bool {
         sine += s * (width - mean);
     }
     let oval = f64::hypot(cosine, sine) * 2.0 / DIRECTIONS as f64;
-    high - low < MOST_RANGE_METRES && oval < MOST_OVAL_METRES
+    rms < MOST_RMS_METRES && oval < MOST_OVAL_METRES
 }
 
 /// Mean width; `width(x, y)` is the one in the direction (x, y).

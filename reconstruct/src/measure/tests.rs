@@ -34,7 +34,7 @@ fn a_turned_box_has_its_own_sizes_however_noisy() {
         let found = dimensions(&noisy_box(sd, count), 0.001, true).unwrap();
         for (found, truth) in found.metres.iter().zip([0.12, 0.06, 0.2]) {
             // The outermost points of two noisy faces are six deviations and more apart from the truth.
-            assert!((found - truth).abs() < 1.2 * f64::from(sd) + 0.0001, "{sd} {count}: {found} {truth}");
+            assert!((found - truth).abs() < 1.4 * f64::from(sd) + 0.0001, "{sd} {count}: {found} {truth}");
         }
         assert!(found.uncertainty_metres.iter().all(|&u| u > 0.0004 && u < 0.003));
     }

@@ -2,9 +2,11 @@
 
 use pulp::Simd;
 
-/// Newton steps for the smallest eigenvalue, from 0: below it the characteristic polynomial is concave and rising, so none
-/// overshoots. Near a second eigenvalue a step only halves the error until it is smaller than their distance.
-const STEPS: usize = 12;
+/// The smallest root `t` of `4 t³ - 3 t = r` over `s = √((1 - r) / 2)`, which is smooth where the two smaller roots meet; to 0.000 02, highest
+/// power first.
+const LEAST_ROOT: [f32; 5] = [0.008_749_26, -0.038_333_59, 0.106_354_77, -0.576_736_88, -0.500_019_1];
+/// Newton steps that polish it: the first leaves the square of that error, the second what rounding leaves.
+const STEPS: usize = 2;
 /// Least length of an adjugate's column (of a covariance with trace 1): shorter ones are rounding.
 const LEAST: f32 = 1e-5;
 
@@ -35,7 +37,7 @@ pub(super) fn least_directions<S: Simd>(simd: S, covariance: [S::f32s; 6]) -> Di
         .add_f32s(minor(simd, xx, yy, xy), simd.add_f32s(minor(simd, xx, zz, xz), minor(simd, yy, zz, yz)));
     let det = determinant(simd, [xx, xy, xz, yy, yz, zz]);
     let c0 = simd.max_f32s(det, zero);
-    let mut least = zero;
+    let mut least = least_guess(simd, c0, c1);
     for _ in 0..STEPS {
         // p = ((λ - 1) λ + c1) λ - c0, p' = (3 λ - 2) λ + c1
         let inner = simd.mul_add_e_f32s(simd.sub_f32s(least, one), least, c1);
@@ -75,6 +77,24 @@ pub(super) fn least_directions<S: Simd>(simd: S, covariance: [S::f32s; 6]) -> Di
         simd.mul_f32s(column[2], per_length),
     ];
     Directions { normal, share: simd.max_f32s(least, zero), valid: simd.and_m32s(some, long) }
+}
+
+/// The smallest root of `λ³ - λ² + c1 λ - c0` nearly: with `λ = 1/3 + 2 √q t` it is that of `4 t³ - 3 t = r` (Smith 1961).
+#[inline(always)]
+fn least_guess<S: Simd>(simd: S, c0: S::f32s, c1: S::f32s) -> S::f32s {
+    let (zero, one, third) = (simd.splat_f32s(0.0), simd.splat_f32s(1.0), simd.splat_f32s(1.0 / 3.0));
+    let per_three = simd.mul_f32s(c1, third);
+    let q = simd.max_f32s(simd.sub_f32s(simd.splat_f32s(1.0 / 9.0), per_three), simd.splat_f32s(1e-9));
+    let root = simd.sqrt_f32s(q);
+    let determinant = simd.add_f32s(simd.sub_f32s(c0, per_three), simd.splat_f32s(2.0 / 27.0));
+    let half_r = simd.div_f32s(simd.mul_f32s(determinant, simd.splat_f32s(0.25)), simd.mul_f32s(q, root));
+    let square = simd.min_f32s(simd.max_f32s(simd.sub_f32s(simd.splat_f32s(0.5), half_r), zero), one);
+    let s = simd.sqrt_f32s(square);
+    let mut t = simd.splat_f32s(LEAST_ROOT[0]);
+    for c in &LEAST_ROOT[1..] {
+        t = simd.mul_add_e_f32s(t, s, simd.splat_f32s(*c));
+    }
+    simd.max_f32s(simd.mul_add_e_f32s(simd.add_f32s(root, root), t, third), zero)
 }
 
 /// `a b - c²`.
