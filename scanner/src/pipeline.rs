@@ -62,7 +62,7 @@ pub fn build(source: &dyn ViewSource, config: &Config, ui: &Ui) -> Result<Scan, 
             (Surface { mesh: Mesh::of_points(cloud), holes: Vec::new() }, report)
         }
     };
-    let (model, mut report) = outcome::judge(&scan, surface, config, stages.timings());
+    let (model, mut report) = outcome::judge(&scan, surface, false, config, stages.timings());
     report.source_chain = source_report;
     Ok(Scan { model, report })
 }

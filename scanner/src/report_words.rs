@@ -11,6 +11,8 @@ use reconstruct::surface::{Hole, HoleKind};
 
 /// Views that the surfaces leave looser than this are held by something else, millimetres.
 const LOOSE_MM: f64 = 1.0;
+/// A place faces a view from this cosine between its direction and that to the camera on.
+const FACES_VIEW: f64 = 0.3;
 /// Most holes that are named.
 const MOST_HOLES: usize = 8;
 
@@ -100,20 +102,39 @@ fn looseness_in_words(views: &[ViewReport]) -> String {
 
 /// What and where a hole is, and what to do about it.
 pub fn hole_in_words(hole: &Hole, report: &Report) -> String {
-    let place = format!(
-        "{:.1} cm² {}, {:.0} mm above the board",
-        hole.area_m2 * 1e4,
-        direction(hole.facing, front_of(report)),
-        hole.center_m[2] * 1000.0
-    );
+    let on_board = report.views.iter().any(|v| v.tags > 0);
+    let where_it_is = if on_board {
+        let height = hole.center_m[2] * 1000.0;
+        format!("{}, {height:.0} mm above the board", direction(hole.facing, front_of(report)))
+    } else {
+        beside_view(hole, &report.views)
+    };
+    let place = format!("{:.1} cm² {where_it_is}", hole.area_m2 * 1e4);
+    let turned_over = report.surface.as_ref().is_some_and(|s| s.underside_measured_percent.is_some());
     match hole.kind {
         HoleKind::Closed => format!("{place}: closed by guess"),
         HoleKind::Base => format!("{place}: the side it stands on, closed by guess"),
         HoleKind::Opening => format!("{place}: an opening, or an inside that no view reaches"),
-        HoleKind::Unseen if hole.facing[2] < -0.5 => {
+        HoleKind::Unseen if on_board && !turned_over && hole.facing[2] < -0.5 => {
             format!("{place}: never seen, with the side it stands on")
         }
         HoleKind::Unseen => format!("{place}: never seen; another view from there would show it"),
+    }
+}
+
+/// Without a board nobody knows what is up: a place is told by the view that looks at it most squarely.
+fn beside_view(hole: &Hole, views: &[ViewReport]) -> String {
+    let squareness = |view: &ViewReport| {
+        let camera = view.world_from_camera?;
+        let to_camera = [camera[3], camera[7], camera[11]];
+        let to_camera: [f64; 3] = std::array::from_fn(|k| to_camera[k] - hole.center_m[k]);
+        let dot = |a: &[f64; 3], b: &[f64; 3]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
+        Some(dot(&to_camera, &hole.facing) / dot(&to_camera, &to_camera).sqrt().max(1e-9))
+    };
+    let used = views.iter().filter(|v| v.used).filter_map(|v| Some((squareness(v)?, v)));
+    match used.max_by(|a, b| a.0.total_cmp(&b.0)) {
+        Some((square, view)) if square > FACES_VIEW => format!("on the side of view {}", view.name),
+        _ => "on a side that no view faces".to_owned(),
     }
 }
 
@@ -212,6 +233,68 @@ fn calibration_in_words(report: &Report) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn view(name: &str, tags: usize, camera: [f64; 3]) -> ViewReport {
+        let mut pose = [0.0; 16];
+        (pose[3], pose[7], pose[11]) = camera.into();
+        ViewReport {
+            name: name.to_owned(),
+            used: true,
+            world_from_camera: Some(pose),
+            tags,
+            reprojection_px: None,
+            pose_sd_mm: None,
+            pose_sd_degrees: None,
+            loosest_by_surface_mm: None,
+            inlier_rmse_mm: None,
+            conflict_percent: None,
+            reason: None,
+        }
+    }
+
+    #[test]
+    fn without_a_board_a_hole_is_told_by_the_view_it_faces_and_nothing_is_said_of_its_foot() {
+        let down = Hole {
+            kind: HoleKind::Unseen,
+            center_m: [0.0, 0.0, 0.01],
+            facing: [0.0, 0.0, -1.0],
+            rim_m: 0.1,
+            area_m2: 4e-4,
+        };
+        let of = |views: Vec<ViewReport>| hole_in_words(&down, &Report { views, ..empty() });
+        let standing = of(vec![view("000", 5, [0.5, 0.0, 0.5])]);
+        assert_eq!(
+            standing,
+            "4.0 cm² underneath, 10 mm above the board: never seen, with the side it stands on"
+        );
+        let below = of(vec![view("000", 0, [0.5, 0.0, 0.5]), view("001", 0, [0.1, 0.0, -0.6])]);
+        assert_eq!(
+            below,
+            "4.0 cm² on the side of view 001: never seen; another view from there would show it"
+        );
+        let nobody = of(vec![view("000", 0, [0.5, 0.0, 0.5])]);
+        assert!(nobody.starts_with("4.0 cm² on a side that no view faces: never seen"), "{nobody}");
+    }
+
+    fn empty() -> Report {
+        Report {
+            version: 1,
+            views: Vec::new(),
+            points: 0,
+            dimensions_m: None,
+            dimensions_uncertainty_m: None,
+            recordings: Vec::new(),
+            surface: None,
+            joint: None,
+            depth_calibration: reconstruct::report::CalibrationReport::default(),
+            warnings: Vec::new(),
+            verdict: Verdict::Good,
+            verdict_reason: String::new(),
+            timings_ms: serde_json::Map::new(),
+            software: String::new(),
+            source_chain: None,
+        }
+    }
 
     #[test]
     fn directions_are_told_from_the_first_view() {

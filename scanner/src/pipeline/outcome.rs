@@ -3,7 +3,7 @@
 use reconstruct::measure::{Dimensions, dimensions, unseen_beyond};
 use reconstruct::mesh::Mesh;
 use reconstruct::pose;
-use reconstruct::report::surface::describe;
+use reconstruct::report::surface::{SurfaceReport, describe, underside_measured_percent};
 use reconstruct::report::{CalibrationReport, LeftOut, Report, Verdict, ViewReport};
 use reconstruct::surface::{HoleKind, Surface};
 use serde_json::{Map, Value};
@@ -21,10 +21,12 @@ const MOST_HOLE_WARNINGS: usize = 3;
 /// Relative uncertainty of the printed board: paper and printer.
 const PRINT_SCALE_SD: f64 = 0.0015;
 
-/// Measures the model and writes the report; a scan that cannot be right comes back without points.
+/// Measures the model and writes the report; a scan that cannot be right comes back without points. `seen_from_below`: some views show what
+/// the product stands on in the others.
 pub fn judge(
     scan: &Work,
     surface: Surface,
+    seen_from_below: bool,
     config: &Config,
     timings_ms: Map<String, Value>,
 ) -> (Mesh, Report) {
@@ -53,7 +55,10 @@ pub fn judge(
         points: cloud.len(),
         dimensions_m: size.map(|s| s.metres.map(|v| round(v, 1e5))),
         dimensions_uncertainty_m: size.map(|s| s.uncertainty_metres.map(|v| round(v, 1e5))),
-        surface: (!surface.mesh.triangles.is_empty()).then(|| describe(&surface)),
+        surface: (!surface.mesh.triangles.is_empty()).then(|| SurfaceReport {
+            underside_measured_percent: underside_measured_percent(&surface).filter(|_| seen_from_below),
+            ..describe(&surface)
+        }),
         joint: scan.joint,
         depth_calibration: calibration_report(scan, config),
         warnings,

@@ -9,7 +9,6 @@ mod words;
 use reconstruct::fuse::{self, FuseConfig};
 use reconstruct::pose;
 use reconstruct::report::recordings::RecordingReport;
-use reconstruct::report::surface::underside_measured_percent;
 use reconstruct::surface::{self, Surface};
 
 use super::load::Work;
@@ -44,11 +43,7 @@ pub fn build_together(recordings: &[Recorded<'_>], ui: &Ui) -> Result<Scan, Reco
     } else {
         merged.surface(config, &mut stages)?
     };
-    let underside = underside_measured_percent(&surface).filter(|_| merged.turned);
-    let (model, mut report) = outcome::judge(&merged.scan, surface, config, stages.timings());
-    if let Some(surface) = &mut report.surface {
-        surface.underside_measured_percent = underside;
-    }
+    let (model, mut report) = outcome::judge(&merged.scan, surface, merged.turned, config, stages.timings());
     report.recordings = merged.recordings;
     Ok(Scan { model, report })
 }

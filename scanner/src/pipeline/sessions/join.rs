@@ -130,13 +130,13 @@ impl Merged {
         moved
     }
 
-    /// Where joining cost a recording most of its views, the recordings do not belong together.
+    /// Where joining cost a recording half of its views or more, the recordings do not belong together.
     fn check_what_is_left(&mut self, number: usize) {
         for session in &self.sessions {
             let views = &self.scan.views[session.clone()];
             let off = views.iter().filter(|v| matches!(v.left_out, Some(LeftOut::DoesNotFit { .. }))).count();
             let used = views.iter().filter(|v| v.is_used()).count();
-            if off > used {
+            if off > 0 && off >= used {
                 self.scan.failure = Some(words::do_not_fit(number));
             }
         }
