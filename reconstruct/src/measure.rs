@@ -31,9 +31,10 @@ pub struct Dimensions {
     pub stands_on_floor: bool,
 }
 
-/// Uncertainty of an edge beside the points' own deviation (standard deviation), metres: rims come out too low or too high by that. Chosen on
-/// simulated scans so that nineteen of twenty sizes lie within what is stated. All views look on the upper edge from above and err alike.
+/// Uncertainty of a side's edge beside the points' own deviation (standard deviation), metres: rims come out too low or too high by that.
+/// Chosen on simulated scans so that nineteen of twenty sizes lie within what is stated.
 const SIDE_SD_METRES: f64 = 0.000_22;
+/// The same of the upper edge, on which all views look from above and err alike.
 const UPPER_SD_METRES: f64 = 0.000_37;
 /// Part of the deviation that all points of an edge share.
 const SHARED_DEVIATION: f64 = 0.5;

@@ -21,7 +21,7 @@ program=$PWD/target/release/scan-product
 views=$PWD/tests/compare/views.py
 (cd "$work" && taskset -c 0 "$python" "$views" "$program" 1) | tee -a "$work/ours.csv"
 (cd "$work" && "$python" "$views" "$program" 2) | tee -a "$work/ours-2.csv"
-# A peer that crashes when it ends (one does now and then) stops the others after it.
+# A peer that crashes when it ends (one does now and then) stops the others after it; of quick's that is one stage.
 { "$peers/run.sh" "${1:-quick}" || echo "a peer crashed: what comes after it is run alone" >&2; } | tee "$work/peers.csv"
 grep -q 'tsdf integrate' "$work/peers.csv" || (cd "$work" && taskset -c 0 "$python" py/tsdf.py 6 cv) | tee -a "$work/peers.csv"
 (cd "$work" && taskset -c 0 ./cpp/knn 1) | tee -a "$work/peers.csv"

@@ -27,9 +27,9 @@ const BINS_BELOW: usize = 80;
 const TRIED_BEYOND: usize = 6;
 const TRIED_BELOW: usize = 72;
 /// Only a part of a stated deviation blurs the end; the rest is shared by all its points and moves it as a whole. Of a small end more is
-/// shared than of a large one: the parts of ends with so few and so many points less than [`SIZED_BINS`] below the outermost. Chosen on 300
-/// simulated scans.
+/// shared than of a large one: the parts of both. Chosen on 300 simulated scans.
 const BLURRING_PART: [f64; 2] = [0.55, 0.9];
+/// Points of a small and of a large end that lie less than [`SIZED_BINS`] below the outermost.
 const END_POINTS: [f64; 2] = [200.0, 1000.0];
 /// One millimetre.
 const SIZED_BINS: usize = 20;
