@@ -31,6 +31,9 @@ pub struct Report {
     /// How much of the surface was measured, how well, and what is missing; absent where no surface was made.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub surface: Option<SurfaceReport>,
+    /// What heights are measured from.
+    #[serde(default)]
+    pub ground: Ground,
     /// What the joint refinement of all views was made of.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub joint: Option<JointReport>,
@@ -61,6 +64,26 @@ pub enum Verdict {
     Acceptable,
     /// Not fit to be shown.
     Poor,
+}
+
+/// What the product stands on: z = 0 of the world.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Ground {
+    /// The marker board.
+    Board,
+    /// A table, found as the plane below the product.
+    Table,
+    /// Nothing was seen: which way is up is not known.
+    #[default]
+    Unknown,
+}
+
+impl Ground {
+    /// Whether the world's z is up.
+    pub fn up_is_known(self) -> bool {
+        self != Self::Unknown
+    }
 }
 
 /// One view in the report.
@@ -230,6 +253,16 @@ impl std::fmt::Display for LeftOut {
     }
 }
 
+/// Whether at least as many of these views contradict the others as are used: nobody can tell which to believe then.
+pub fn half_contradict<'a>(left_out: impl Iterator<Item = Option<&'a LeftOut>>) -> bool {
+    let (mut used, mut off) = (0, 0);
+    for reason in left_out {
+        used += usize::from(reason.is_none());
+        off += usize::from(matches!(reason, Some(LeftOut::DoesNotFit { .. })));
+    }
+    off > 0 && off >= used
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -239,5 +272,16 @@ mod tests {
         let knocked = LeftOut::DoesNotFit { conflict: 0.162 }.to_string();
         assert!(knocked.contains("knocked") && knocked.contains("16 %"), "{knocked}");
         assert!(LeftOut::OneTag { id: 7 }.to_string().contains("id 7"));
+    }
+
+    #[test]
+    fn only_contradicting_views_count_against_those_used() {
+        let off = LeftOut::DoesNotFit { conflict: 0.2 };
+        let of = |used: usize, contradicting: usize, without_depth: usize| {
+            let reasons = [(used, None), (contradicting, Some(&off)), (without_depth, Some(&LeftOut::NoDepth))];
+            half_contradict(reasons.into_iter().flat_map(|(n, reason)| std::iter::repeat_n(reason, n)))
+        };
+        assert!(of(4, 4, 0) && of(1, 1, 6) && of(0, 1, 0));
+        assert!(!of(4, 3, 9) && !of(0, 0, 8) && !of(8, 0, 0));
     }
 }

@@ -53,7 +53,7 @@ pub fn build(source: &dyn ViewSource, config: &Config, ui: &Ui) -> Result<Scan, 
             stages.run("align", |_| align::refine_together(&mut scan, config))?;
             let views = scan.placed_views();
             let fused = stages.run("fuse", |_| fuse::fuse(&views, &config.fuse))?;
-            let make = || surface::surface(&fused, &views, scan.up_is_known, &config.surface);
+            let make = || surface::surface(&fused, &views, scan.ground.up_is_known(), &config.surface);
             (stages.run("surface", |_| make())?, None)
         }
         Method::Source => {

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 
 use reconstruct::report::recordings::RecordingReport;
 use reconstruct::report::surface::SurfaceReport;
-use reconstruct::report::{Report, Verdict, ViewReport};
+use reconstruct::report::{Ground, Report, Verdict, ViewReport};
 use reconstruct::surface::{Hole, HoleKind};
 
 /// Views that the surfaces leave looser than this are held by something else, millimetres.
@@ -102,12 +102,14 @@ fn looseness_in_words(views: &[ViewReport]) -> String {
 
 /// What and where a hole is, and what to do about it.
 pub fn hole_in_words(hole: &Hole, report: &Report) -> String {
-    let on_board = report.views.iter().any(|v| v.tags > 0);
-    let where_it_is = if on_board {
+    let above = |ground: &str| {
         let height = hole.center_m[2] * 1000.0;
-        format!("{}, {height:.0} mm above the board", direction(hole.facing, front_of(report)))
-    } else {
-        beside_view(hole, &report.views)
+        format!("{}, {height:.0} mm above the {ground}", direction(hole.facing, front_of(report)))
+    };
+    let where_it_is = match report.ground {
+        Ground::Board => above("board"),
+        Ground::Table => above("table"),
+        Ground::Unknown => beside_view(hole, &report.views),
     };
     let place = format!("{:.1} cm² {where_it_is}", hole.area_m2 * 1e4);
     let turned_over = report.surface.as_ref().is_some_and(|s| s.underside_measured_percent.is_some());
@@ -115,14 +117,14 @@ pub fn hole_in_words(hole: &Hole, report: &Report) -> String {
         HoleKind::Closed => format!("{place}: closed by guess"),
         HoleKind::Base => format!("{place}: the side it stands on, closed by guess"),
         HoleKind::Opening => format!("{place}: an opening, or an inside that no view reaches"),
-        HoleKind::Unseen if on_board && !turned_over && hole.facing[2] < -0.5 => {
+        HoleKind::Unseen if report.ground.up_is_known() && !turned_over && hole.facing[2] < -0.5 => {
             format!("{place}: never seen, with the side it stands on")
         }
         HoleKind::Unseen => format!("{place}: never seen; another view from there would show it"),
     }
 }
 
-/// Without a board nobody knows what is up: a place is told by the view that looks at it most squarely.
+/// Where nobody knows what is up, a place is told by the view that looks at it most squarely.
 fn beside_view(hole: &Hole, views: &[ViewReport]) -> String {
     let squareness = |view: &ViewReport| {
         let camera = view.world_from_camera?;
@@ -234,14 +236,14 @@ fn calibration_in_words(report: &Report) -> String {
 mod tests {
     use super::*;
 
-    fn view(name: &str, tags: usize, camera: [f64; 3]) -> ViewReport {
+    fn view(name: &str, camera: [f64; 3]) -> ViewReport {
         let mut pose = [0.0; 16];
         (pose[3], pose[7], pose[11]) = camera.into();
         ViewReport {
             name: name.to_owned(),
             used: true,
             world_from_camera: Some(pose),
-            tags,
+            tags: 5,
             reprojection_px: None,
             pose_sd_mm: None,
             pose_sd_degrees: None,
@@ -253,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_board_a_hole_is_told_by_the_view_it_faces_and_nothing_is_said_of_its_foot() {
+    fn without_ground_a_hole_is_told_by_the_view_it_faces_and_nothing_is_said_of_its_foot() {
         let down = Hole {
             kind: HoleKind::Unseen,
             center_m: [0.0, 0.0, 0.01],
@@ -261,18 +263,20 @@ mod tests {
             rim_m: 0.1,
             area_m2: 4e-4,
         };
-        let of = |views: Vec<ViewReport>| hole_in_words(&down, &Report { views, ..empty() });
-        let standing = of(vec![view("000", 5, [0.5, 0.0, 0.5])]);
-        assert_eq!(
-            standing,
-            "4.0 cm² underneath, 10 mm above the board: never seen, with the side it stands on"
-        );
-        let below = of(vec![view("000", 0, [0.5, 0.0, 0.5]), view("001", 0, [0.1, 0.0, -0.6])]);
+        let of =
+            |ground: Ground, views: Vec<ViewReport>| hole_in_words(&down, &Report { views, ground, ..empty() });
+        for (ground, name) in [(Ground::Board, "board"), (Ground::Table, "table")] {
+            let standing = of(ground, vec![view("000", [0.5, 0.0, 0.5])]);
+            let expected =
+                format!("4.0 cm² underneath, 10 mm above the {name}: never seen, with the side it stands on");
+            assert_eq!(standing, expected);
+        }
+        let below = of(Ground::Unknown, vec![view("000", [0.5, 0.0, 0.5]), view("001", [0.1, 0.0, -0.6])]);
         assert_eq!(
             below,
             "4.0 cm² on the side of view 001: never seen; another view from there would show it"
         );
-        let nobody = of(vec![view("000", 0, [0.5, 0.0, 0.5])]);
+        let nobody = of(Ground::Unknown, vec![view("000", [0.5, 0.0, 0.5])]);
         assert!(nobody.starts_with("4.0 cm² on a side that no view faces: never seen"), "{nobody}");
     }
 
@@ -285,6 +289,7 @@ mod tests {
             dimensions_uncertainty_m: None,
             recordings: Vec::new(),
             surface: None,
+            ground: Ground::Unknown,
             joint: None,
             depth_calibration: reconstruct::report::CalibrationReport::default(),
             warnings: Vec::new(),

@@ -203,7 +203,7 @@ impl Edition {
 #[cfg(test)]
 mod tests {
     use reconstruct::cloud::PointCloud;
-    use reconstruct::report::{CalibrationReport, Verdict};
+    use reconstruct::report::{CalibrationReport, Ground, Verdict};
 
     use super::*;
 
@@ -216,6 +216,7 @@ mod tests {
             dimensions_m: None,
             dimensions_uncertainty_m: None,
             surface: None,
+            ground: Ground::Board,
             joint: None,
             depth_calibration: CalibrationReport::default(),
             warnings: vec!["first".into()],

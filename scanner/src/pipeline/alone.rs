@@ -67,7 +67,6 @@ pub fn place_alone(scan: &mut Work) {
         );
         return;
     }
-    scan.up_is_known = false;
     scan.warnings.push(
         "no table was found under the product: which way is up is unknown, and so are its sizes along it"
             .to_owned(),

@@ -10,7 +10,7 @@ use reconstruct::refine::PosePrior;
 use reconstruct::register::global::{GlobalConfig, Placement, place_views};
 use reconstruct::register::plane::{Plane, PlaneConfig, support_plane, world_from_first_view};
 use reconstruct::register::view::RegisterView;
-use reconstruct::report::LeftOut;
+use reconstruct::report::{Ground, LeftOut};
 use reconstruct::segment_free::{PlacedPoints, ProductConfig, product_in_world, product_of_view};
 use reconstruct::view::DepthView;
 
@@ -114,9 +114,9 @@ fn tell_product(
     let seed =
         product_of_view(&first_geometry.points, width, height, &plane, &product).ok_or_else(nothing)?;
     let world_from_first = if found.is_some() {
+        scan.ground = Ground::Table;
         world_from_first_view(&plane, &centre(&first_geometry.points, &seed))
     } else {
-        scan.up_is_known = false;
         scan.warnings.push(
             "no table was found under the product: which way is up is unknown, and so are its sizes along it"
                 .to_owned(),

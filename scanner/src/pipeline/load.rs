@@ -10,7 +10,7 @@ use reconstruct::marker::{BoardPose, Detection};
 use reconstruct::pose::Pose;
 use reconstruct::recording::Rig;
 use reconstruct::refine::PosePrior;
-use reconstruct::report::{JointReport, LeftOut};
+use reconstruct::report::{Ground, JointReport, LeftOut};
 use reconstruct::segment::Region;
 use reconstruct::view::DepthView;
 
@@ -44,8 +44,8 @@ pub struct Work {
     pub joint: Option<JointReport>,
     /// What the seller should know.
     pub warnings: Vec<String>,
-    /// Whether the world's z is up.
-    pub up_is_known: bool,
+    /// What the product stands on.
+    pub ground: Ground,
     /// Why there is no scan at all, where a stage found out.
     pub failure: Option<String>,
 }
@@ -143,7 +143,7 @@ pub fn load_and_average(
         region: None,
         joint: None,
         warnings: Vec::new(),
-        up_is_known: true,
+        ground: Ground::Unknown,
         failure: None,
     })
 }

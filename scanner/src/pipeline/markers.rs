@@ -5,7 +5,7 @@ use reconstruct::board::{BoardFile, Family, KnownBoard, LooseSheets};
 use reconstruct::marker::{
     BoardPoseError, Dictionary, LayoutConfig, board_pose, detect, explain_no_tags, place_sheets,
 };
-use reconstruct::report::LeftOut;
+use reconstruct::report::{Ground, LeftOut};
 use reconstruct::segment::Region;
 
 use super::load::{View, Work};
@@ -36,6 +36,7 @@ pub fn place_on_board(scan: &mut Work, board: Option<&BoardFile>, config: &Confi
         scan.region = Some(Region::of_board(&known, &config.segment));
         super::unit::compare_with_markers(scan, &known);
         scan.board = Some(known);
+        scan.ground = Ground::Board;
     }
     name_other_family(scan, family, config);
     explain_failure(scan);

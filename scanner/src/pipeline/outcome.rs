@@ -4,7 +4,7 @@ use reconstruct::measure::{Dimensions, dimensions, unseen_beyond};
 use reconstruct::mesh::Mesh;
 use reconstruct::pose;
 use reconstruct::report::surface::{SurfaceReport, describe, underside_measured_percent};
-use reconstruct::report::{CalibrationReport, LeftOut, Report, Verdict, ViewReport};
+use reconstruct::report::{CalibrationReport, Report, Verdict, ViewReport, half_contradict};
 use reconstruct::surface::{HoleKind, Surface};
 use serde_json::{Map, Value};
 
@@ -35,7 +35,7 @@ pub fn judge(
     let surface = if failure.is_some() { Surface::default() } else { surface };
     let cloud = surface.mesh.measured();
     let scale_sd = scale_sd(scan.calibration.standard_deviations[0]);
-    let mut size = dimensions(&surface.mesh, scale_sd, scan.up_is_known);
+    let mut size = dimensions(&surface.mesh, scale_sd, scan.ground.up_is_known());
     warnings.extend(size.as_mut().and_then(|size| allow_for_unseen(size, &surface.mesh, scan)));
     let left_out = scan.views.iter().filter(|v| !v.is_used()).count();
     if failure.is_none() {
@@ -59,6 +59,7 @@ pub fn judge(
             underside_measured_percent: underside_measured_percent(&surface).filter(|_| seen_from_below),
             ..describe(&surface)
         }),
+        ground: scan.ground,
         joint: scan.joint,
         depth_calibration: calibration_report(scan, config),
         warnings,
@@ -75,14 +76,14 @@ pub fn judge(
     (surface.mesh, report)
 }
 
-/// The report of a model on a board of which only this is left; holes that were cut by hand are nobody's news.
+/// The report of a model of which only this is left; holes that were cut by hand are nobody's news.
 pub fn measured_again(report: &Report, model: &Mesh) -> Report {
     let cloud = model.measured();
     let surface = |holes| describe(&Surface { mesh: model.clone(), holes });
     // What no view saw stays unseen, whatever is cut off elsewhere.
     let before = report.dimensions_uncertainty_m.unwrap_or_default();
     let unsure_as_before = |now: [f64; 3]| std::array::from_fn(|k| f64::max(now[k], before[k]));
-    let size = dimensions(model, scale_sd(report.depth_calibration.scale_sd), true);
+    let size = dimensions(model, scale_sd(report.depth_calibration.scale_sd), report.ground.up_is_known());
     Report {
         points: cloud.len(),
         dimensions_m: size.map(|s| s.metres.map(|v| round(v, 1e5))),
@@ -101,10 +102,8 @@ fn scale_sd(calibration_sd: f64) -> f64 {
 
 /// Where half of the views contradict the others, nobody can tell which to believe.
 fn no_agreement(scan: &Work) -> Option<String> {
-    let used = scan.views.iter().filter(|v| v.is_used()).count();
-    let off = scan.views.iter().filter(|v| matches!(v.left_out, Some(LeftOut::DoesNotFit { .. }))).count();
     let why = "the views do not fit together: the product or a marker sheet was moved between them; scan again without touching either";
-    (off >= used.max(1)).then(|| why.to_owned())
+    half_contradict(scan.views.iter().map(|v| v.left_out.as_ref())).then(|| why.to_owned())
 }
 
 fn too_little(model: &Mesh) -> Option<String> {
@@ -115,7 +114,7 @@ fn too_little(model: &Mesh) -> Option<String> {
 /// Where the product may go on unseen, its size may be larger by that much, at least. Where nothing stands around it, views that look past it
 /// have no depth to tell so.
 fn allow_for_unseen(size: &mut Dimensions, model: &Mesh, scan: &Work) -> Option<String> {
-    if !scan.up_is_known {
+    if !scan.ground.up_is_known() {
         return None;
     }
     let unseen = unseen_beyond(model, size, &scan.placed_views());

@@ -102,7 +102,7 @@ impl Merged {
         let views = self.scan.placed_views();
         let fused = stages.run("fuse", |_| fuse::fuse(&views, &self.fuse_config(config)))?;
         // Where it was seen from below, what is still missing there is a hole like any other.
-        let stands = self.scan.up_is_known && !self.turned;
+        let stands = self.scan.ground.up_is_known() && !self.turned;
         stages.run("surface", |_| surface::surface(&fused, &views, stands, &config.surface))
     }
 }

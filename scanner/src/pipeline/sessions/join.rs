@@ -10,7 +10,7 @@ use reconstruct::knn::Tree;
 use reconstruct::pose::{self, Pose};
 use reconstruct::refine::{Anchor, PosePrior, RefineConfig, RefineView, refine};
 use reconstruct::register::flip::{self, FlipConfig, Found, Side};
-use reconstruct::report::LeftOut;
+use reconstruct::report::{LeftOut, half_contradict};
 use reconstruct::view::DepthView;
 
 use super::super::load::Work;
@@ -134,9 +134,7 @@ impl Merged {
     fn check_what_is_left(&mut self, number: usize) {
         for session in &self.sessions {
             let views = &self.scan.views[session.clone()];
-            let off = views.iter().filter(|v| matches!(v.left_out, Some(LeftOut::DoesNotFit { .. }))).count();
-            let used = views.iter().filter(|v| v.is_used()).count();
-            if off > 0 && off >= used {
+            if half_contradict(views.iter().map(|v| v.left_out.as_ref())) {
                 self.scan.failure = Some(words::do_not_fit(number));
             }
         }
