@@ -6,7 +6,8 @@
 //! every coefficient has a prior, so that what the views do not show (an orbit at one height cannot tell scale from
 //! offset) stays near what sensors usually do instead of running away.
 
-use nalgebra::{DMatrix, DVector, Point2};
+use nalgebra::{Point2, SMatrix, SVector};
+use rayon::prelude::*;
 
 use crate::average::DisparityMap;
 use crate::camera::Intrinsics;
@@ -24,6 +25,11 @@ const DRIFT_SD: [f64; TERMS] = [0.003, 0.04, 0.02, 0.02, 0.02, 0.02, 0.02, 0.01,
 /// Neighbouring pixels err alike, all pixels of a view share its pose's error, and cameras are never quite as modelled:
 /// this many pixels tell as much as one independent one.
 pub(crate) const CORRELATED_PIXELS: f64 = 400.0;
+
+/// Rounds of fitting and trimming.
+const ROUNDS: usize = 6;
+/// Samples that are summed by themselves before the sums are: whatever the number of threads, in the same order.
+const CHUNK: usize = 4096;
 
 /// A correction of disparity.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -178,48 +184,70 @@ pub fn fit(
     if samples.len() < 500 {
         return calibration;
     }
+    let mut residuals = residuals_of(samples, &calibration);
     let mut gate = f64::INFINITY;
-    for _ in 0..6 {
-        let Some((coefficients, variances)) = solve(samples, &calibration, prior, gate) else {
+    for _ in 0..ROUNDS {
+        let Some((coefficients, variances)) = solve(samples, &residuals, &calibration, prior, gate) else {
             return believed;
         };
         calibration.coefficients = coefficients;
         calibration.standard_deviations = variances.map(f64::sqrt);
-        calibration.residual_px = spread(samples, &calibration).max(0.02);
+        residuals = residuals_of(samples, &calibration);
+        calibration.residual_px = spread(&residuals).max(0.02);
         gate = 2.5 * calibration.residual_px;
     }
-    calibration.samples = samples.iter().filter(|s| residual(s, &calibration).abs() <= gate).count();
-    calibration.error_metres = median_errors(samples, &calibration, gate);
+    calibration.samples = residuals.iter().filter(|r| r.abs() <= gate).count();
+    calibration.error_metres = median_errors(samples, &residuals, gate);
     calibration
 }
 
-fn residual(s: &BoardSample, calibration: &DepthCalibration) -> f64 {
-    let corrected =
-        calibration.correct(f64::from(s.pixel[0]), f64::from(s.pixel[1]), f64::from(s.measured_px));
-    f64::from(s.expected_px) - corrected
+/// What the calibration leaves of every sample's error, pixels.
+fn residuals_of(samples: &[BoardSample], calibration: &DepthCalibration) -> Vec<f64> {
+    let residual = |s: &BoardSample| {
+        let corrected =
+            calibration.correct(f64::from(s.pixel[0]), f64::from(s.pixel[1]), f64::from(s.measured_px));
+        f64::from(s.expected_px) - corrected
+    };
+    samples.par_iter().with_min_len(CHUNK).map(residual).collect()
+}
+
+type Terms = SVector<f64, TERMS>;
+type Products = SMatrix<f64, TERMS, TERMS>;
+
+/// Sums of the samples inside the gate: their terms' products (lower triangle), and terms times what is missing.
+fn sums(samples: &[BoardSample], residuals: &[f64], half: [f64; 2], gate: f64) -> (Products, Terms) {
+    let (mut products, mut right) = (Products::zeros(), Terms::zeros());
+    for (s, _) in samples.iter().zip(residuals).filter(|(_, residual)| residual.abs() <= gate) {
+        let terms = basis(f64::from(s.pixel[0]), f64::from(s.pixel[1]), f64::from(s.measured_px), half);
+        let missing = f64::from(s.expected_px - s.measured_px);
+        for i in 0..TERMS {
+            right[i] += terms[i] * missing;
+            for j in 0..=i {
+                products[(i, j)] += terms[i] * terms[j];
+            }
+        }
+    }
+    (products, right)
 }
 
 /// One weighted least-squares solution over the samples inside the gate: coefficients and their variances.
 fn solve(
     samples: &[BoardSample],
+    residuals: &[f64],
     at: &DepthCalibration,
     prior: &CalibrationPrior,
     gate: f64,
 ) -> Option<([f64; TERMS], [f64; TERMS])> {
     let sigma = if at.residual_px > 0.0 { at.residual_px } else { 0.1 };
     let weight = 1.0 / (sigma * sigma * CORRELATED_PIXELS);
-    let mut normal = DMatrix::<f64>::zeros(TERMS, TERMS);
-    let mut right = DVector::<f64>::zeros(TERMS);
-    for s in samples.iter().filter(|s| residual(s, at).abs() <= gate) {
-        let terms = basis(f64::from(s.pixel[0]), f64::from(s.pixel[1]), f64::from(s.measured_px), at.half);
-        let target = f64::from(s.expected_px - s.measured_px);
-        for i in 0..TERMS {
-            right[i] += weight * terms[i] * target;
-            for j in 0..=i {
-                normal[(i, j)] += weight * terms[i] * terms[j];
-            }
-        }
-    }
+    let parts: Vec<(Products, Terms)> = samples
+        .par_chunks(CHUNK)
+        .zip(residuals.par_chunks(CHUNK))
+        .map(|(samples, residuals)| sums(samples, residuals, at.half, gate))
+        .collect();
+    let (products, sum) =
+        parts.iter().fold((Products::zeros(), Terms::zeros()), |(n, r), part| (n + part.0, r + part.1));
+    let (mut normal, mut right) = (products * weight, sum * weight);
     for i in 0..TERMS {
         let weight = 1.0 / prior.standard_deviations[i].powi(2);
         normal[(i, i)] += weight;
@@ -233,21 +261,20 @@ fn solve(
 }
 
 /// Robust standard deviation of the residuals, pixels.
-fn spread(samples: &[BoardSample], calibration: &DepthCalibration) -> f64 {
-    let mut magnitudes: Vec<f64> = samples.iter().map(|s| residual(s, calibration).abs()).collect();
+fn spread(residuals: &[f64]) -> f64 {
+    let mut magnitudes: Vec<f64> = residuals.iter().map(|r| r.abs()).collect();
     1.4826 * median(&mut magnitudes)
 }
 
 /// Median depth error on the board in metres, before and after.
-fn median_errors(samples: &[BoardSample], calibration: &DepthCalibration, gate: f64) -> [f64; 2] {
+fn median_errors(samples: &[BoardSample], residuals: &[f64], gate: f64) -> [f64; 2] {
     let focal_baseline = 40.0; // about 525 px times 75 mm: the figure is for people
-    let inside = || samples.iter().filter(|s| residual(s, calibration).abs() <= gate);
+    let inside = || samples.iter().zip(residuals).filter(|(_, r)| r.abs() <= gate);
     let depth_error = |measured: f64, expected: f64| focal_baseline / measured - focal_baseline / expected;
     let mut before: Vec<f64> =
-        inside().map(|s| depth_error(f64::from(s.measured_px), f64::from(s.expected_px))).collect();
-    let mut after: Vec<f64> = inside()
-        .map(|s| depth_error(f64::from(s.expected_px) - residual(s, calibration), f64::from(s.expected_px)))
-        .collect();
+        inside().map(|(s, _)| depth_error(f64::from(s.measured_px), f64::from(s.expected_px))).collect();
+    let mut after: Vec<f64> =
+        inside().map(|(s, r)| depth_error(f64::from(s.expected_px) - r, f64::from(s.expected_px))).collect();
     [median(&mut before), median(&mut after)]
 }
 

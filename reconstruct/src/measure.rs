@@ -57,7 +57,10 @@ pub fn dimensions(mesh: &Mesh, scale_sd: f64, stands_on_floor: bool) -> Option<D
     let floor = if stands_on_floor { BOARD } else { towards([0.0, 0.0, -1.0])? };
     let searched = points.thinned(SEARCHED_POINTS);
     let (s, c) = smallest_rectangle_angle(&searched).sin_cos();
-    let side = |x: f64, y: f64| Some([towards([x, y, 0.0])?, towards([-x, -y, 0.0])?]);
+    let side = |x: f64, y: f64| {
+        let (one, other) = rayon::join(|| towards([x, y, 0.0]), || towards([-x, -y, 0.0]));
+        Some([one?, other?])
+    };
     let (mut sides, height) = ([side(c, s)?, side(-s, c)?], [up, floor]);
     let mut directions = [[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]];
     if length(&sides[0]) < length(&sides[1]) {

@@ -2,6 +2,8 @@
 
 pub mod topology;
 
+use rayon::prelude::*;
+
 use crate::cloud::PointCloud;
 
 /// Deviation of a vertex that nobody measured: it was invented to close a hole.
@@ -52,6 +54,11 @@ impl Mesh {
     /// Area of a triangle, square metres.
     pub fn area(&self, triangle: &[u32; 3]) -> f64 {
         0.5 * self.twice_area_vector(triangle).norm()
+    }
+
+    /// Areas of all triangles, square metres.
+    pub fn areas(&self) -> Vec<f64> {
+        self.triangles.par_iter().map(|triangle| self.area(triangle)).collect()
     }
 
     /// Normal of a triangle, twice as long as its area, square metres.

@@ -278,7 +278,8 @@ mod tests {
     fn only_contradicting_views_count_against_those_used() {
         let off = LeftOut::DoesNotFit { conflict: 0.2 };
         let of = |used: usize, contradicting: usize, without_depth: usize| {
-            let reasons = [(used, None), (contradicting, Some(&off)), (without_depth, Some(&LeftOut::NoDepth))];
+            let reasons =
+                [(used, None), (contradicting, Some(&off)), (without_depth, Some(&LeftOut::NoDepth))];
             half_contradict(reasons.into_iter().flat_map(|(n, reason)| std::iter::repeat_n(reason, n)))
         };
         assert!(of(4, 4, 0) && of(1, 1, 6) && of(0, 1, 0));

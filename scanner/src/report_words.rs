@@ -263,8 +263,9 @@ mod tests {
             rim_m: 0.1,
             area_m2: 4e-4,
         };
-        let of =
-            |ground: Ground, views: Vec<ViewReport>| hole_in_words(&down, &Report { views, ground, ..empty() });
+        let of = |ground: Ground, views: Vec<ViewReport>| {
+            hole_in_words(&down, &Report { views, ground, ..empty() })
+        };
         for (ground, name) in [(Ground::Board, "board"), (Ground::Table, "table")] {
             let standing = of(ground, vec![view("000", [0.5, 0.0, 0.5])]);
             let expected =

@@ -5,6 +5,7 @@
 //! many of them, and its smallest place counts.
 
 use nalgebra::{Matrix4, Vector4};
+use rayon::prelude::*;
 
 /// Directions tried first, degrees apart over a right angle ...
 const COARSE_DEGREES: f64 = 3.0;
@@ -16,15 +17,14 @@ const FINE: i32 = 10;
 const BETWEEN: i32 = 4;
 
 /// Direction of one side of the smallest rectangle, radians; `area(angle)` is that of the rectangle with a side along it, noisy.
-pub(super) fn smallest(area: impl Fn(f64) -> f64) -> f64 {
-    let coarse = (0..COARSE).map(|k| (k as f64 * COARSE_DEGREES).to_radians());
-    let mut middle = coarse
-        .map(|angle| (area(angle), angle))
-        .fold((f64::MAX, 0.0), |a, b| if b.0 < a.0 { b } else { a })
-        .1;
+pub(super) fn smallest(area: impl Fn(f64) -> f64 + Sync) -> f64 {
+    let coarse = (0..COARSE).into_par_iter().map(|k| (k as f64 * COARSE_DEGREES).to_radians());
+    let areas: Vec<(f64, f64)> = coarse.map(|angle| (area(angle), angle)).collect();
+    let mut middle = areas.into_iter().fold((f64::MAX, 0.0), |a, b| if b.0 < a.0 { b } else { a }).1;
     for step in FINE_DEGREES {
         let radians = step.to_radians();
-        let areas: Vec<f64> = (-FINE..=FINE).map(|k| area(middle + f64::from(k) * radians)).collect();
+        let directions = (-FINE..=FINE).into_par_iter().map(|k| middle + f64::from(k) * radians);
+        let areas: Vec<f64> = directions.map(&area).collect();
         middle += smallest_of_fit(&areas) * radians;
     }
     middle
@@ -58,12 +58,15 @@ mod tests {
     use super::*;
     use crate::measure::edge::tests::normal;
 
-    /// The area around something that is `width(angle)` wide, each width a little off.
+    /// The area around something that is `width(angle)` wide, each width a little off: in one direction always by the same.
     fn noisy(sd: f64, seed: u64, width: impl Fn(f64) -> f64) -> impl Fn(f64) -> f64 {
-        let rng = std::cell::RefCell::new(fastrand::Rng::with_seed(seed));
+        let off = move |angle: f64| {
+            let direction = (angle.to_degrees() * 1000.0).round() as i64 as u64;
+            sd * f64::from(normal(&mut fastrand::Rng::with_seed(direction.wrapping_mul(1000) + seed)))
+        };
         move |angle| {
-            let off = || sd * f64::from(normal(&mut rng.borrow_mut()));
-            (width(angle) + off()) * (width(angle + std::f64::consts::FRAC_PI_2) + off())
+            let across = angle + std::f64::consts::FRAC_PI_2;
+            (width(angle) + off(angle)) * (width(across) + off(across))
         }
     }
 
@@ -116,14 +119,9 @@ mod tests {
     fn of_equal_directions_the_luckiest_noise_is_not_the_smallest() {
         let mut missing = [0.0; 2];
         for seed in 0..100 {
-            // The noise is that of the direction: looked at again, it is the same.
-            let width = |angle: f64| {
-                let direction = (angle.to_degrees() * 100.0).round() as i64 as u64;
-                0.13 + 0.0003 * f64::from(normal(&mut fastrand::Rng::with_seed(direction.wrapping_mul(1000) + seed)))
-            };
-            let area = |angle: f64| width(angle) * width(angle + std::f64::consts::FRAC_PI_2);
-            missing[0] += 0.13 * 0.13 - area(smallest(area));
-            missing[1] += 0.13 * 0.13 - area(least(area));
+            let area = noisy(0.0003, seed, |_| 0.13);
+            missing[0] += 0.13 * 0.13 - area(smallest(&area));
+            missing[1] += 0.13 * 0.13 - area(least(&area));
         }
         assert!(missing[1] > 0.0 && missing[0].abs() < 0.5 * missing[1], "{missing:?}");
         assert!(smallest(|_| f64::NAN).is_finite());

@@ -59,13 +59,13 @@ fn border_edges(triangles: &[[u32; 3]]) -> Vec<(u32, u32)> {
         next[from as usize] += 1;
     }
     let ends_of = |v: u32| &ends[first[v as usize] as usize..first[v as usize + 1] as usize];
-    let mut border = Vec::new();
-    for from in 0..vertices as u32 {
-        let start = border.len();
-        border.extend(ends_of(from).iter().filter(|&&to| !ends_of(to).contains(&from)).map(|&to| (from, to)));
-        border[start..].sort_unstable();
-    }
-    border
+    let starts_of_borders = |from: u32| {
+        let mut out: Vec<(u32, u32)> =
+            ends_of(from).iter().filter(|&&to| !ends_of(to).contains(&from)).map(|&to| (from, to)).collect();
+        out.sort_unstable();
+        out
+    };
+    (0..vertices as u32).into_par_iter().flat_map_iter(starts_of_borders).collect()
 }
 
 /// The same, whatever the vertices' numbers are.
@@ -184,7 +184,7 @@ fn duplicate(mesh: &mut Mesh, vertex: usize) -> u32 {
 pub(crate) fn without_small_pieces(mesh: &Mesh, least: impl Fn(&[f64]) -> f64) -> Mesh {
     let (piece, count) = pieces(mesh.vertices.len(), &mesh.triangles);
     let mut areas = vec![0.0f64; count];
-    mesh.triangles.iter().zip(&piece).for_each(|(t, &p)| areas[p as usize] += mesh.area(t));
+    mesh.areas().iter().zip(&piece).for_each(|(area, &p)| areas[p as usize] += area);
     let least = least(&areas);
     let mut keep = vec![false; mesh.vertices.len()];
     for (t, &p) in mesh.triangles.iter().zip(&piece) {

@@ -111,8 +111,7 @@ pub fn reconstruct(cloud: &PointCloud, config: &PoissonConfig) -> Result<Reconst
 /// Share of the area: a triangle is invented as far as its corners are.
 fn invented_share(mesh: &Mesh) -> f64 {
     let (mut invented, mut whole) = (0.0, 0.0);
-    for t in &mesh.triangles {
-        let area = mesh.area(t);
+    for (t, area) in mesh.triangles.iter().zip(mesh.areas()) {
         let corners = t.iter().filter(|&&v| mesh.is_invented(v as usize)).count();
         invented += area * corners as f64 / 3.0;
         whole += area;

@@ -60,7 +60,7 @@ fn main() -> anyhow::Result<()> {
     anyhow::ensure!(args.data.is_dir(), "{} is no folder: run `make bench`", args.data.display());
     let pool =
         rayon::ThreadPoolBuilder::new().num_threads(args.threads).build().context("starting threads")?;
-    let bench = Bench::new(args.data, args.threads, args.reps, args.only);
+    let bench = Bench::new(args.data, args.threads, args.reps, args.only)?;
     pool.install(|| run(&bench))
 }
 
