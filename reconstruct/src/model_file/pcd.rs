@@ -6,7 +6,7 @@ mod header;
 use std::fmt::Write as _;
 use std::io::{BufRead, Read, Write};
 
-use header::{Encoding, Field, Header, Number};
+use header::{Encoding, Field, Header, Number, first};
 
 use super::lines::{Tokens, number};
 use super::{Limits, MAX_COORDINATE_METRES, ModelError, checked_point, lzf, unit_normals};
@@ -16,6 +16,8 @@ const FORMAT: &str = "PCD";
 const READING: &str = "reading the points";
 /// Bytes of a row that is nothing but a place.
 const PLACE_BYTES: usize = 12;
+/// Most bytes of compressed points that are reserved for before the first is read.
+const RESERVED_BYTES: usize = 1 << 22;
 /// Bytes of rows that are read at once.
 const CHUNK_BYTES: usize = 1 << 16;
 
@@ -122,6 +124,23 @@ impl Rows {
         Ok(())
     }
 
+    /// Takes columns of single precision, and of packed colours where there are such.
+    fn take_columns(&mut self, places: [&[u8]; 3], colors: Option<&[u8]>) -> Result<(), ModelError> {
+        let [x, y, z] = places.map(|column| column.as_chunks::<4>().0);
+        for (((row, x), y), z) in (0..).zip(x).zip(y).zip(z) {
+            let point = [*x, *y, *z].map(f32::from_le_bytes);
+            if point.iter().any(|v| v.is_nan()) {
+                continue;
+            }
+            self.cloud.points.push(checked_point(point, row + 1)?);
+            if let Some(colors) = colors {
+                let [blue, green, red, _] = first(&colors[4 * row..]);
+                self.cloud.colors.push([red, green, blue]);
+            }
+        }
+        Ok(())
+    }
+
     fn finish(mut self) -> Result<PointCloud, ModelError> {
         if self.cloud.is_empty() {
             return Err(ModelError::Empty);
@@ -188,7 +207,7 @@ fn read_binary(header: &Header, mut reader: impl Read, rows: &mut Rows) -> Resul
 }
 
 fn first_four(bytes: &[u8]) -> u32 {
-    u32::from_le_bytes(std::array::from_fn(|k| bytes[k]))
+    u32::from_le_bytes(first(bytes))
 }
 
 /// Compressed data hold all values of the first field, then all of the second, and so on.
@@ -207,7 +226,7 @@ fn read_compressed(
         return Err(ModelError::Data { format: FORMAT, what });
     }
     ModelError::refuse_more("bytes", plain.max(compressed) as u64, limits.max_bytes)?;
-    let mut packed = Vec::new();
+    let mut packed = Vec::with_capacity(compressed.min(RESERVED_BYTES));
     reader.take(compressed as u64).read_to_end(&mut packed).map_err(ModelError::Io)?;
     if packed.len() < compressed {
         return Err(ModelError::Truncated { reading: READING });
@@ -215,11 +234,18 @@ fn read_compressed(
     let damaged =
         || ModelError::Data { format: FORMAT, what: "the compressed points are damaged".to_owned() };
     let data = lzf::decompress(&packed, plain).ok_or_else(damaged)?;
+    rows.cloud.points.reserve(header.points);
+    let column = |field: usize| {
+        let field = &header.fields[field];
+        &data[field.offset * header.points..][..field.bytes() * header.points]
+    };
+    let narrow = |field: usize| header.fields[field].bytes() == 4;
+    let packed = rows.color.is_none_or(narrow) && rows.position.into_iter().all(narrow);
+    if packed && header.singles(rows.position).is_some() && rows.normal.is_none() {
+        return rows.take_columns(rows.position.map(column), rows.color.map(column));
+    }
     for row in 0..header.points {
-        let at = |field: usize| {
-            let field = &header.fields[field];
-            &data[field.offset * header.points + row * field.bytes()..]
-        };
+        let at = |field: usize| &column(field)[row * header.fields[field].bytes()..];
         rows.take(|field| header.fields[field].value(at(field)), |field| first_four(at(field)))?;
     }
     Ok(())

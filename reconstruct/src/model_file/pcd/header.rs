@@ -45,20 +45,26 @@ impl Field {
     }
 
     /// The first value of the field at the head of `bytes`.
+    #[inline(always)]
     pub(super) fn value(&self, bytes: &[u8]) -> f64 {
-        let mut padded = [0; 8];
-        padded[..self.size].copy_from_slice(&bytes[..self.size]);
-        let whole = u64::from_le_bytes(padded);
         match (self.number, self.size) {
-            (Number::Float, 4) => f64::from(f32::from_bits(whole as u32)),
-            (Number::Float, _) => f64::from_bits(whole),
-            (Number::Unsigned, _) => whole as f64,
-            (Number::Signed, 1) => f64::from(whole as i8),
-            (Number::Signed, 2) => f64::from(whole as i16),
-            (Number::Signed, 4) => f64::from(whole as i32),
-            (Number::Signed, _) => whole as i64 as f64,
+            (Number::Float, 4) => f64::from(f32::from_le_bytes(first(bytes))),
+            (Number::Float, _) => f64::from_le_bytes(first(bytes)),
+            (Number::Unsigned, 1) => f64::from(bytes[0]),
+            (Number::Unsigned, 2) => f64::from(u16::from_le_bytes(first(bytes))),
+            (Number::Unsigned, 4) => f64::from(u32::from_le_bytes(first(bytes))),
+            (Number::Unsigned, _) => u64::from_le_bytes(first(bytes)) as f64,
+            (Number::Signed, 1) => f64::from(bytes[0] as i8),
+            (Number::Signed, 2) => f64::from(i16::from_le_bytes(first(bytes))),
+            (Number::Signed, 4) => f64::from(i32::from_le_bytes(first(bytes))),
+            (Number::Signed, _) => i64::from_le_bytes(first(bytes)) as f64,
         }
     }
+}
+
+#[inline(always)]
+pub(super) fn first<const N: usize>(bytes: &[u8]) -> [u8; N] {
+    *bytes.first_chunk().expect("a row holds its fields")
 }
 
 #[derive(Debug)]

@@ -42,6 +42,32 @@ fn compressed_fields_lie_one_after_the_other() {
     assert!(matches!(read(bytes.as_slice(), &Limits::default()), Err(ModelError::Truncated { .. })));
 }
 
+/// The rows as a compressed file, of literals alone.
+fn compressed(mut bytes: Vec<u8>, columns: &[u8]) -> Vec<u8> {
+    let packed: Vec<u8> =
+        columns.chunks(32).flat_map(|part| [&[part.len() as u8 - 1], part].concat()).collect();
+    bytes.extend((packed.len() as u32).to_le_bytes());
+    bytes.extend((columns.len() as u32).to_le_bytes());
+    bytes.extend(packed);
+    bytes
+}
+
+#[test]
+fn compressed_columns_of_any_width_are_read_alike_and_places_without_a_number_left_out() {
+    let places = [[1.0f32, 2.0, 3.0], [f32::NAN, 0.0, 0.0], [4.0, 5.0, 6.0]];
+    let along = |k: usize| places.iter().map(move |p| p[k]);
+    let colors: Vec<u8> = [[30u8, 20, 10, 0], [9, 9, 9, 9], [60, 50, 40, 0]].concat();
+    let narrow: Vec<u8> = (0..3).flat_map(along).flat_map(f32::to_le_bytes).chain(colors.clone()).collect();
+    let wide: Vec<u8> =
+        (0..3).flat_map(along).flat_map(|v| f64::from(v).to_le_bytes()).chain(colors).collect();
+    for (sizes, columns) in [("4 4 4 4", narrow), ("8 8 8 4", wide)] {
+        let file = compressed(header("x y z rgba", sizes, "F F F U", 3, "binary_compressed"), &columns);
+        let cloud = read(file.as_slice(), &Limits::default()).unwrap();
+        assert_eq!(cloud.points, [places[0], places[2]], "{sizes}");
+        assert_eq!(cloud.colors, [[10, 20, 30], [40, 50, 60]], "{sizes}");
+    }
+}
+
 #[track_caller]
 fn check_refused(bytes: &[u8], expected: &str) {
     let message = read(bytes, &Limits::default()).unwrap_err().to_string();

@@ -1,6 +1,6 @@
 //! Values of a PLY body, one after the other, as text or as bytes of either order.
 
-use std::io::{BufRead, Read};
+use std::io::BufRead;
 
 use super::FORMAT;
 use super::header::Scalar;
@@ -38,37 +38,47 @@ pub(super) struct Binary<R> {
     big_endian: bool,
 }
 
-impl<R: Read> Binary<R> {
+impl<R: BufRead> Binary<R> {
     pub(super) fn new(reader: R, big_endian: bool) -> Self {
         Self { reader, big_endian }
     }
+
+    /// The next bytes, the least significant first.
+    #[inline(always)]
+    fn bytes<const N: usize>(&mut self, reading: &'static str) -> Result<[u8; N], ModelError> {
+        let buffered = self.reader.fill_buf().map_err(|e| ModelError::reading(e, reading))?;
+        let mut bytes = [0; N];
+        if let Some(whole) = buffered.first_chunk() {
+            bytes = *whole;
+            self.reader.consume(N);
+        } else {
+            self.reader.read_exact(&mut bytes).map_err(|e| ModelError::reading(e, reading))?;
+        }
+        if self.big_endian {
+            bytes.reverse();
+        }
+        Ok(bytes)
+    }
 }
 
-impl<R: Read> Values for Binary<R> {
+impl<R: BufRead> Values for Binary<R> {
+    #[inline(always)]
     fn scalar(&mut self, scalar: Scalar, reading: &'static str) -> Result<f64, ModelError> {
-        // Least significant byte first, filled up with zeros.
-        let mut bytes = [0; 8];
-        let used = &mut bytes[..scalar.bytes()];
-        self.reader.read_exact(used).map_err(|e| ModelError::reading(e, reading))?;
-        if self.big_endian {
-            used.reverse();
-        }
-        let whole = u64::from_le_bytes(bytes);
         Ok(match scalar {
-            Scalar::I8 => f64::from(whole as i8),
-            Scalar::U8 => f64::from(whole as u8),
-            Scalar::I16 => f64::from(whole as i16),
-            Scalar::U16 => f64::from(whole as u16),
-            Scalar::I32 => f64::from(whole as i32),
-            Scalar::U32 => f64::from(whole as u32),
-            Scalar::F32 => f64::from(f32::from_bits(whole as u32)),
-            Scalar::F64 => f64::from_bits(whole),
+            Scalar::I8 => f64::from(i8::from_le_bytes(self.bytes(reading)?)),
+            Scalar::U8 => f64::from(u8::from_le_bytes(self.bytes(reading)?)),
+            Scalar::I16 => f64::from(i16::from_le_bytes(self.bytes(reading)?)),
+            Scalar::U16 => f64::from(u16::from_le_bytes(self.bytes(reading)?)),
+            Scalar::I32 => f64::from(i32::from_le_bytes(self.bytes(reading)?)),
+            Scalar::U32 => f64::from(u32::from_le_bytes(self.bytes(reading)?)),
+            Scalar::F32 => f64::from(f32::from_le_bytes(self.bytes(reading)?)),
+            Scalar::F64 => f64::from_le_bytes(self.bytes(reading)?),
         })
     }
 
     fn skip(&mut self, scalar: Scalar, count: u64, reading: &'static str) -> Result<(), ModelError> {
         let bytes = count * scalar.bytes() as u64;
-        let mut limited = (&mut self.reader).take(bytes);
+        let mut limited = std::io::Read::take(&mut self.reader, bytes);
         let skipped = std::io::copy(&mut limited, &mut std::io::sink()).map_err(ModelError::Io)?;
         if skipped == bytes { Ok(()) } else { Err(ModelError::Truncated { reading }) }
     }
