@@ -64,6 +64,7 @@ fn assert_joined(product: Kind, rest: Rest) {
     assert!(join["overlap_percent"].as_f64().unwrap() >= 30.0, "{join}");
     assert!(join["lead_percent"].as_f64().unwrap() >= 15.0, "{join}");
     assert!(report["surface"]["underside_measured_percent"].as_f64().unwrap() > 90.0, "{report}");
+    assert_refined_together(&json(&alone.join("report.json")), &report);
 
     // The underside was nobody's before and is measured now, and the model is as true as that of one recording.
     let (both, one) = (measured(out), measured(alone));
@@ -79,6 +80,25 @@ fn assert_joined(product: Kind, rest: Rest) {
     assert!((height - high).abs() < 0.002, "{product}: {height} for {high}");
     // The mesh faces down where it was measured: no cap lies over it.
     assert!(report["surface"]["holes"].as_array().unwrap().iter().all(|h| h["kind"] != "base"));
+}
+
+/// What the report says of the joint refinement is that of both recordings together.
+#[track_caller]
+fn assert_refined_together(alone: &Value, both: &Value) {
+    let count = |report: &Value, name: &str| report["joint"][name].as_u64().unwrap();
+    for name in ["corners", "surface_pairs", "board_samples"] {
+        assert!(
+            10 * count(both, name) > 15 * count(alone, name),
+            "{name}: {} {}",
+            alone["joint"],
+            both["joint"]
+        );
+    }
+    let sd = |view: &Value| view["pose_sd_mm"].as_f64().unwrap();
+    let views = |report: &Value| report["views"].as_array().unwrap().clone();
+    assert!(views(both).iter().all(|view| (0.001..1.0).contains(&sd(view))), "{}", both["views"]);
+    let changed = views(alone).iter().zip(&views(both)).all(|(a, b)| sd(a) != sd(b));
+    assert!(changed, "{} {}", alone["views"], both["views"]);
 }
 
 #[test]

@@ -64,22 +64,7 @@ fn as_refined<'a>(view: &'a View, luminance: Option<&'a Luminance>) -> Option<Re
 
 /// Poses, depth correction and what is known of both go into the scan.
 fn take_over(scan: &mut Work, used: &[usize], refined: &Refined) {
-    for (k, &i) in used.iter().enumerate() {
-        scan.views[i].world_from_camera = Some(refined.world_from_camera[k]);
-        scan.views[i].pose_sd = Some(refined.standard_deviation(k));
-        scan.views[i].loosest_by_surface_metres = Some(refined.loosest_by_surface_metres[k]);
-    }
-    scan.joint = Some(JointReport {
-        rounds: refined.rounds,
-        surface_pairs: refined.pairs.iter().filter(|p| p.inliers > 0).count(),
-        color_pairs: refined.pairs.iter().filter(|p| p.color_inliers > 0).count(),
-        board_samples: refined.board_samples,
-        corners: used
-            .iter()
-            .filter_map(|&i| scan.views[i].marker_pose.as_ref())
-            .map(|p| p.corners.len())
-            .sum(),
-    });
+    take_poses(scan, used, refined, refined.board_samples);
     let Some(step) = &refined.depth else { return };
     let focal_baseline = scan.views[used[0]].disparity.focal_baseline;
     scan.calibration = scan.calibration.then(&step.coefficients);
@@ -89,5 +74,25 @@ fn take_over(scan: &mut Work, used: &[usize], refined: &Refined) {
         if let Some(geometry) = view.geometry.as_mut() {
             geometry.correct(focal_baseline, |u, v, disparity| step.correct(u, v, disparity));
         }
+    });
+}
+
+/// Poses and what is known of them; `board_samples`: board pixels that held them.
+pub(super) fn take_poses(scan: &mut Work, used: &[usize], refined: &Refined, board_samples: usize) {
+    for (k, &i) in used.iter().enumerate() {
+        scan.views[i].world_from_camera = Some(refined.world_from_camera[k]);
+        scan.views[i].pose_sd = Some(refined.standard_deviation(k));
+        scan.views[i].loosest_by_surface_metres = Some(refined.loosest_by_surface_metres[k]);
+    }
+    scan.joint = Some(JointReport {
+        rounds: refined.rounds,
+        surface_pairs: refined.pairs.iter().filter(|p| p.inliers > 0).count(),
+        color_pairs: refined.pairs.iter().filter(|p| p.color_inliers > 0).count(),
+        board_samples,
+        corners: used
+            .iter()
+            .filter_map(|&i| scan.views[i].marker_pose.as_ref())
+            .map(|p| p.corners.len())
+            .sum(),
     });
 }

@@ -13,6 +13,7 @@ use reconstruct::register::flip::{self, FlipConfig, Found, Side};
 use reconstruct::report::{LeftOut, half_contradict};
 use reconstruct::view::DepthView;
 
+use super::super::align::take_poses;
 use super::super::load::Work;
 use super::{Merged, described, words};
 use crate::config::Config;
@@ -54,7 +55,10 @@ impl Merged {
                     self.scan.warnings.push(words::same_side(number));
                 }
                 self.turned |= !same_side;
-                let moved = self.refine_all(&found, config);
+                // Every recording's board was compared with its own views before.
+                let boards =
+                    [self.scan.joint, next.joint].into_iter().flatten().map(|j| j.board_samples).sum();
+                let moved = self.refine_all(&found, boards, config);
                 recording = recording.joined(&found, &(moved * found.a_from_b));
                 self.check_what_is_left(number);
             }
@@ -81,7 +85,7 @@ impl Merged {
     }
 
     /// Refines all views of all recordings, the last recording as a whole too; gives how that one moved.
-    fn refine_all(&mut self, found: &Found, config: &Config) -> Pose {
+    fn refine_all(&mut self, found: &Found, board_samples: usize, config: &Config) -> Pose {
         let mut moved = Pose::identity();
         let settings = RefineConfig { neighbours: config.refine.neighbours.max(NEIGHBOURS), ..config.refine };
         let last = self.sessions.last().cloned().unwrap_or_default();
@@ -115,9 +119,9 @@ impl Merged {
             }
             let agreement = agreement(&geometry, &refined.world_from_camera, &config.consistency);
             for (k, &i) in used.iter().enumerate() {
-                self.scan.views[i].world_from_camera = Some(refined.world_from_camera[k]);
                 self.scan.views[i].fit = Some(agreement.views[k]);
             }
+            take_poses(&mut self.scan, &used, &refined, board_samples);
             let outsiders = agreement.outsiders(&config.consistency);
             if outsiders.is_empty() {
                 break;
