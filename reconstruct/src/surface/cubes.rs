@@ -16,8 +16,10 @@ use crate::mesh::Mesh;
 const FROM_END: f32 = 0.02;
 /// Corners of a block along an axis, with the neighbours' first.
 const PADDED: usize = SIDE + 1;
+/// A surface has about so many triangles a vertex.
+const TRIANGLES_A_VERTEX: usize = 2;
 /// No vertex on this edge.
-const NONE: u32 = u32::MAX;
+const NONE: u16 = u16::MAX;
 
 /// Triangles of every case, three edges each. Corner c is at (c & 1, c >> 1 & 1, c >> 2); its bit is set where negative.
 static CASES: LazyLock<Vec<Vec<[u8; 3]>>> = LazyLock::new(|| (0..256).map(triangles_of_case).collect());
@@ -126,7 +128,7 @@ fn can_be_cut(polygon: &[u8]) -> bool {
 struct BlockVertices {
     points: Vec<[f32; 3]>,
     /// Number within the block of the vertex on the edge along axis a from corner c, at `a * CORNERS + c`.
-    on_edge: Vec<u32>,
+    on_edge: Vec<u16>,
 }
 
 /// The zero level of a field: vertices without attributes, triangles counter-clockwise seen from the positive side.
@@ -213,7 +215,7 @@ fn block_vertices(values: &[f32], corner: [f32; 3], voxel: f32) -> BlockVertices
                     if out.on_edge.is_empty() {
                         out.on_edge = vec![NONE; 3 * CORNERS];
                     }
-                    out.on_edge[axis * CORNERS + (z * SIDE + y) * SIDE + x] = out.points.len() as u32;
+                    out.on_edge[axis * CORNERS + (z * SIDE + y) * SIDE + x] = out.points.len() as u16;
                     let t = (a / (a - b)).clamp(FROM_END, 1.0 - FROM_END);
                     let mut at = [x as f32, y as f32, z as f32];
                     at[axis] += t;
@@ -239,9 +241,9 @@ fn block_triangles(
         let b = near[at[0] / SIDE + 2 * (at[1] / SIDE) + 4 * (at[2] / SIDE)];
         let b = b.expect("a corner with a value is in a block");
         let c = ((at[2] % SIDE) * SIDE + at[1] % SIDE) * SIDE + at[0] % SIDE;
-        first[b] + vertices[b].on_edge[edge as usize / 4 * CORNERS + c]
+        first[b] + u32::from(vertices[b].on_edge[edge as usize / 4 * CORNERS + c])
     };
-    let mut out = Vec::new();
+    let mut out = Vec::with_capacity(TRIANGLES_A_VERTEX * vertices[block].points.len());
     for z in 0..SIDE {
         for y in 0..SIDE {
             for x in 0..SIDE {

@@ -46,13 +46,12 @@ impl<R: BufRead> Binary<R> {
     /// The next bytes, the least significant first.
     #[inline(always)]
     fn bytes<const N: usize>(&mut self, reading: &'static str) -> Result<[u8; N], ModelError> {
-        let buffered = self.reader.fill_buf().map_err(|e| ModelError::reading(e, reading))?;
-        let mut bytes = [0; N];
-        if let Some(whole) = buffered.first_chunk() {
-            bytes = *whole;
-            self.reader.consume(N);
-        } else {
-            self.reader.read_exact(&mut bytes).map_err(|e| ModelError::reading(e, reading))?;
+        let ready = self.reader.fill_buf().ok().and_then(|buffered| buffered.first_chunk().copied());
+        let mut bytes = ready.unwrap_or([0; N]);
+        match ready {
+            Some(_) => self.reader.consume(N),
+            // Across the buffer's end, or what went wrong.
+            None => self.reader.read_exact(&mut bytes).map_err(|e| ModelError::reading(e, reading))?,
         }
         if self.big_endian {
             bytes.reverse();
