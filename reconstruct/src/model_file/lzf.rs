@@ -66,6 +66,10 @@ mod tests {
         assert_eq!(decompress(&[2, b'a', b'b', b'c'], 3).unwrap(), b"abc");
         assert_eq!(decompress(&[0, b'a', 4 << 5, 0], 7).unwrap(), b"aaaaaaa");
         assert_eq!(decompress(&[1, b'a', b'b', 7 << 5, 3, 1], 14).unwrap(), b"ababababababab");
+        // So overlaps a reference with room behind it.
+        let mut packed = vec![0, b'a', 4 << 5, 0, 19];
+        packed.extend([b'z'; 20]);
+        assert_eq!(decompress(&packed, 27).unwrap(), [[b'a'; 7].as_slice(), &[b'z'; 20]].concat());
         // Ten letters, then what lies ten and nine before: a word at a time where there is room, and byte by byte at the end.
         let mut packed = vec![9];
         packed.extend(b"abcdefghij");

@@ -240,8 +240,8 @@ fn read_compressed(
         &data[field.offset * header.points..][..field.bytes() * header.points]
     };
     let narrow = |field: usize| header.fields[field].bytes() == 4;
-    let packed = rows.color.is_none_or(narrow) && rows.position.into_iter().all(narrow);
-    if packed && header.singles(rows.position).is_some() && rows.normal.is_none() {
+    let all_narrow = rows.color.is_none_or(narrow) && rows.position.into_iter().all(narrow);
+    if all_narrow && header.singles(rows.position).is_some() && rows.normal.is_none() {
         return rows.take_columns(rows.position.map(column), rows.color.map(column));
     }
     for row in 0..header.points {

@@ -132,7 +132,8 @@ fn introduction(date: &str, rows: &[Row]) -> anyhow::Result<String> {
         page,
         "Inputs: a Kinect's noise on 640x480 pictures. `view0`: one view of a 25 cm object; `fused_raw`: eight views of it; \
          `scene0`: a table in a room; `milk_scene`: a real Kinect's picture. Best peer: the fastest that does the same. \
-         Two threads: wall time of one thread against that of two, run in turn, both at their best.\n"
+         Two threads: wall time of one thread against that of two, both at their best: in turn, but for registration, matching, tags and \
+         integration, which one thread did in the run before.\n"
     )?;
     Ok(page)
 }

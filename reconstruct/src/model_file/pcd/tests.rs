@@ -42,6 +42,25 @@ fn compressed_fields_lie_one_after_the_other() {
     assert!(matches!(read(bytes.as_slice(), &Limits::default()), Err(ModelError::Truncated { .. })));
 }
 
+#[test]
+fn whole_numbers_of_every_width_keep_their_sign() {
+    for (sizes, types, row) in [
+        ("1 2 4", "I I I", [&[0xfe][..], &(-300i16).to_le_bytes(), &(-70_000i32).to_le_bytes()].concat()),
+        ("1 2 4", "U U U", [&[0xfe][..], &60_000u16.to_le_bytes(), &70_000u32.to_le_bytes()].concat()),
+        ("8 8 8", "I U F", [(-5i64).to_le_bytes(), 7u64.to_le_bytes(), 0.5f64.to_le_bytes()].concat()),
+    ] {
+        let mut bytes = header("x y z", sizes, types, 1, "binary");
+        bytes.extend(row);
+        let found = read(bytes.as_slice(), &Limits::default()).unwrap().points[0];
+        let expected = match types {
+            "I I I" => [-2.0, -300.0, -70_000.0],
+            "U U U" => [254.0, 60_000.0, 70_000.0],
+            _ => [-5.0, 7.0, 0.5],
+        };
+        assert_eq!(found, expected, "{sizes} {types}");
+    }
+}
+
 /// The rows as a compressed file, of literals alone.
 fn compressed(mut bytes: Vec<u8>, columns: &[u8]) -> Vec<u8> {
     let packed: Vec<u8> =

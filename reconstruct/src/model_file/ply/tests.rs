@@ -29,6 +29,20 @@ fn big_endian() {
     assert_eq!(mesh.vertices.colors, [[255, 128, 0]]);
 }
 
+#[test]
+fn values_across_the_end_of_the_buffer_are_whole() {
+    let mesh = read(ASCII.as_bytes(), &Limits::default()).unwrap();
+    let mut bytes = Vec::new();
+    write(&mesh, &mut bytes).unwrap();
+    for size in [1, 5, 7] {
+        let buffered = std::io::BufReader::with_capacity(size, bytes.as_slice());
+        assert_eq!(read(buffered, &Limits::default()).unwrap(), mesh, "{size}");
+    }
+    bytes.pop();
+    let cut = std::io::BufReader::with_capacity(5, bytes.as_slice());
+    assert!(matches!(read(cut, &Limits::default()), Err(ModelError::Truncated { .. })));
+}
+
 #[track_caller]
 fn check_refused(text: &str, expected: &str) {
     let message = read(text.as_bytes(), &Limits::default()).unwrap_err().to_string();
